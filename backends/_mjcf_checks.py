@@ -47,7 +47,8 @@ def problems(
         ]
     every = [j for j, name in enumerate(joints) if name in there]
     found = [] if fix_base else _floating(model, every)
-    return found + _foreign(model, every, set(held)) + _forces(model, every) + _pulled(model, every)
+    found += _foreign(model, every, set(held)) + _springs(model, every, set(held))
+    return found + _forces(model, every) + _pulled(model, every)
 
 
 def _unknown(joints: Sequence[str], named: Sequence[str]) -> list[str]:
@@ -155,13 +156,21 @@ def _pulled(model: Any, moving: Sequence[int]) -> list[str]:
     return found
 
 
+def _springs(model: Any, moving: Sequence[int], held: Collection[str]) -> list[str]:
+    """Springs of joints that move, and of those that follow them, whose torque is no line."""
+    led, names = followers(model, moving, held)[0], list[str]()
+    for j in (*moving, *led):
+        bent = j in led and len(led[j].course) != 2
+        if np.any(model.jnt_stiffnesspoly[j]) or (bent and model.jnt_stiffness[j]):
+            names.append(model.joint(j).name)
+    text = "{} a spring that is not linear in the logged joint; give it one stiffness, or delete it"
+    return [text.format(listed(names, "have"))] if names else []
+
+
 def _forces(model: Any, moving: Sequence[int]) -> list[str]:
     """Problems with the forces on joints that move, by problem: all its joints at once."""
     dofs = [int(model.jnt_dofadr[j]) for j in moving]
     tests: dict[str, list[Any]] = {
-        "{} a spring (stiffness); allowed: none; delete it": [
-            bool(model.jnt_stiffness[j]) or np.any(model.jnt_stiffnesspoly[j]) for j in moving
-        ],
         "{} damping that is not linear; give one number": [
             np.any(model.dof_dampingpoly[d]) for d in dofs
         ],

@@ -1,8 +1,9 @@
 """Write numbers of joints and drives into the text of a user's MJCF; all else stays as it is."""
 
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from typing import Any
 from xml.etree.ElementTree import Element
 
 import mujoco
@@ -59,6 +60,10 @@ class JointNumbers:
     """Half of its gear's play: a hinge or slide behind the joint, between stops."""
     ends: tuple[float, float] | None = None
     """Where its end stops stand; None: as in the file."""
+    stiffness: float = 0.0
+    """Stiffness of the spring at the joint."""
+    rest: float = 0.0
+    """Where that spring pushes nothing."""
 
 
 def written(
@@ -90,6 +95,7 @@ def written(
         joint.set("armature", repr(one.armature))
         joint.set("damping", repr(one.damping + one.open * one.kd))
         _set_friction(joint, model, name, one, step_s)
+        _set_spring(root, joint, model, name, one)
         if model.jnt_actfrclimited[model.joint(name).id]:  # the servo has the limit
             joint.attrib.pop("actuatorfrcrange", None)
             joint.set("actuatorfrclimited", "false")
@@ -113,11 +119,16 @@ def _without_followers(
     for j, one in followers(model, list(found), held)[0].items():
         own, file, far = found[one.leader], file_drive(model, j), abs(one.rate)
         loss = far * float(model.dof_frictionloss[model.jnt_dofadr[j]])
+        pulls = far**2 * float(model.jnt_stiffness[j])
+        left = max(own.stiffness - pulls, 0.0)
+        rests = float(model.qpos_spring[model.jnt_qposadr[j]]) - one.course[0]
         found[one.leader] = replace(
             own,
             armature=max(own.armature - far**2 * file.armature, 0.0),
             damping=max(own.damping - far**2 * file.damping, 0.0),
             frictionloss=max(own.frictionloss - loss, 0.0),
+            stiffness=left,
+            rest=(own.stiffness * own.rest - pulls * rests / one.rate) / left if left else 0.0,
         )
     return {model.joint(j).name: one for j, one in found.items()}
 
@@ -165,6 +176,16 @@ def _rub(joint: Element, loss: float, step_s: float) -> None:
     joint.set("frictionloss", repr(loss))
     joint.set("solreffriction", f"{2 * step_s!r} 1")
     joint.set("solimpfriction", f"{_text(FIRM)} 0.001")
+
+
+def _set_spring(
+    root: Element, joint: Element, model: mujoco.MjModel, name: str, one: JointNumbers
+) -> None:
+    """Write the spring of a joint, where it is another one."""
+    own = model.joint(name)
+    if (one.stiffness, one.rest) != (own.stiffness[0], own.qpos_spring[0]) and one.stiffness:
+        joint.set("stiffness", repr(one.stiffness))
+        joint.set("springref", repr(float(_in_file(root, model, name)(one.rest))))
 
 
 def _set_mass(body: Element, model: mujoco.MjModel, b: int, mass_kg: float) -> None:
@@ -252,11 +273,16 @@ def _limits(
 
     As firm as friction that holds: MuJoCo's stops else give way under a light link.
     """
-    turned = all(one.get("angle") != "radian" for one in root.findall("compiler"))
-    in_file = np.degrees if turned and not _slides(model, name) else np.asarray
+    in_file = _in_file(root, model, name)
     ends = " ".join(repr(float(in_file(end))) for end in (low, high))
     firm = {"solreflimit": "0.004 1", "solimplimit": f"{_text(FIRM)} 0.001"}
     return {"range": ends, "limited": "true"} | firm
+
+
+def _in_file(root: Element, model: mujoco.MjModel, name: str) -> Callable[[float], Any]:
+    """An angle [rad] of a joint in the file's unit, or a slide's [m]."""
+    turned = all(one.get("angle") != "radian" for one in root.findall("compiler"))
+    return np.degrees if turned and not _slides(model, name) else np.asarray
 
 
 def _set_servo(root: Element, model: mujoco.MjModel, name: str, one: JointNumbers) -> None:

@@ -69,14 +69,14 @@ def drive_tick(
         share = _NONE
         if limit > _NONE:
             share = pd_nm[n, j] / limit
-        heat = numbers[n, j, 24]
+        heat = numbers[n, j, 26]
         heat += dt / wp.where(p[21] > _NONE, p[21], _WARM) * (share * share - heat)
-        numbers[n, j, 24] = heat
+        numbers[n, j, 26] = heat
         cog -= wp.min(p[20] * heat, _MOST) * pd_nm[n, j]
     if p[22] > _NONE:  # bristles
         slid = dt * speed / wp.where(p[23] > _NONE, p[23], _BRISTLE)
-        bend = (numbers[n, j, 25] + slid) / (wp.float64(1.0) + wp.abs(slid))
-        numbers[n, j, 25] = bend
+        bend = (numbers[n, j, 27] + slid) / (wp.float64(1.0) + wp.abs(slid))
+        numbers[n, j, 27] = bend
         cog -= p[22] * bend
     gap = motor[n, j] - joint
     press = gap + play
@@ -103,6 +103,7 @@ def drive_tick(
     past = joint + _HALF * dt * joint_speed - p[18]
     if p[19] * past > _NONE:
         gear -= wp.abs(p[19]) * past
+    gear -= p[24] * (joint - p[25])
     motor[n, j] += dt * speed
     motor_speed[n, j] = speed
     pd_nm[n, j] = pd

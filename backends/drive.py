@@ -9,7 +9,8 @@ which push once the play between them is taken up:
     J motor'' = tau_pd + tau_cog + tau_mem - tau_gear - viscous motor' - friction
     tau_cog  = cogging sin(2 pi motor / period + phase)
     friction = coulomb + one_way + stiction exp(-|motor'| / v_s) + load_friction |tau_gear|
-    tau      = tau_gear - k_s (joint + joint' dt / 2 - stop),        beyond a stop; it only pushes
+    tau      = tau_gear - spring (joint - rest)
+               - k_s (joint + joint' dt / 2 - stop),                 beyond a stop; it only pushes
 
     tau_mem  = -fade heat tau_pd - presliding z
     heat'    = ((tau_pd / limit)^2 - heat) / T,    z' = (motor' - |motor'| z) / d,    |z| <= 1
@@ -55,7 +56,8 @@ _PERIOD, _PHASE = COLUMNS.index("cogging_period_rad"), COLUMNS.index("cogging_ph
 _STOP, _FIRM = COLUMNS.index("end_stop_rad"), COLUMNS.index("end_stop_nm_rad")
 _FADE, _WARM = COLUMNS.index("thermal_fade"), COLUMNS.index("thermal_s")
 _SLIDING, _BRISTLE = COLUMNS.index("presliding_nm"), COLUMNS.index("presliding_rad")
-EXTRAS = (_STICTION, _DEAD, _WAY, _FALL, _COGGING, _FIRM, _FADE, _SLIDING)
+_SPRING, _REST = COLUMNS.index("spring_nm_rad"), COLUMNS.index("spring_rest_rad")
+EXTRAS = (_STICTION, _DEAD, _WAY, _FALL, _COGGING, _FIRM, _FADE, _SLIDING, _SPRING)
 """Places of the numbers of a drive that few robots have: a step without them is shorter."""
 
 
@@ -102,7 +104,7 @@ def remembered(speed, pd, dt, limit, fade, warm_s, sliding, bristle, heat, bend)
 
 @numba.njit(cache=True)
 def _extra(motor, speed, pd, p, dt):
-    """Stiction of a drive with the numbers `p` (26,), and its torques of cogging and memory [Nm].
+    """Stiction of a drive with the numbers `p` (28,), and its torques of cogging and memory [Nm].
 
     Its memory is written.
     """
@@ -116,7 +118,7 @@ def _extra(motor, speed, pd, p, dt):
 
 @numba.njit(cache=True, error_model="numpy", forceinline=True)
 def motor_tick(target, joint, joint_speed, motor, speed, pd, p, dt, extra=True):
-    """Step one joint's drive by one period `dt`, with its numbers `p` (26,) of a `drive_table`.
+    """Step one joint's drive by one period `dt`, with its numbers `p` (28,) of a `drive_table`.
 
     `pd` is the last PD torque; `extra`: whether it may have one of the `EXTRAS`. Returns the
     motor's new angle and speed, its PD torque and the torque on the joint.
@@ -146,12 +148,13 @@ def motor_tick(target, joint, joint_speed, motor, speed, pd, p, dt, extra=True):
     if extra:
         firm, past = p[_FIRM], joint + 0.5 * dt * joint_speed - p[_STOP]
         gear -= abs(firm) * past if firm * past > 0.0 else 0.0
+        gear -= p[_SPRING] * (joint - p[_REST])
     return motor, speed, pd, gear
 
 
 @numba.njit(cache=True, error_model="numpy")
 def drive_step(target, joint, joint_speed, motor, motor_speed, p, dt, extra, pd, gear):
-    """`motor_tick` for arrays (N, J); `p` (N, 26, J) holds the numbers of all drives."""
+    """`motor_tick` for arrays (N, J); `p` (N, 28, J) holds the numbers of all drives."""
     for n in range(target.shape[0]):
         for j in range(target.shape[1]):
             rotor = motor[n, j], motor_speed[n, j], pd[n, j]
@@ -161,7 +164,7 @@ def drive_step(target, joint, joint_speed, motor, motor_speed, p, dt, extra, pd,
 
 
 def drive_table(spec: Spec) -> Array:
-    """The numbers of all drives in the order of their fields, then an empty `MEMORY`, (J, 26).
+    """The numbers of all drives in the order of their fields, then an empty `MEMORY`, (J, 28).
 
     Of end stops not how far inside they stand, but where; and the stiffness as `stops` says.
     """

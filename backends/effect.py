@@ -28,6 +28,9 @@ UNITS: dict[str, tuple[str, float]] = {
     "ms": ("time", 1e-3),
     "s": ("time", 1.0),
     "s/rad": ("slowness", 1.0),
+    "Nm/rad": ("stiffness", 1.0),
+    "N/m": ("linear stiffness", 1.0),
+    "kN/m": ("linear stiffness", 1e3),
     "um": ("length", 1e-6),
     "mm": ("length", 1e-3),
     "m": ("length", 1.0),
@@ -47,6 +50,7 @@ ON_SLIDES = {
     "damping": "linear damping",
     "inertia": "mass",
     "slowness": "linear slowness",
+    "stiffness": "linear stiffness",
 }
 """What a dimension of hinges is of slides; others are the same."""
 LARGEST = 1000.0
@@ -55,6 +59,7 @@ NATURAL = {
     "torque": "torque_limit_nm",
     "damping": "kd_nms_rad",
     "inertia": "rotor_inertia_kgm2",
+    "stiffness": "kp_nm_rad",
 }
 """Numbers of a drive that magnitudes of a dimension are relative to; others stand by themselves."""
 Levels = tuple[float, float, float]
@@ -128,6 +133,8 @@ class Effect(ABC):
     """Largest u that a diagnosis tries."""
     either_sign: ClassVar[bool] = False
     """Whether u may be negative as an effect."""
+    breaks: ClassVar[bool] = False
+    """Whether u may fall to what the mechanism's file has of it: a spring that is worn or gone."""
     kinked: ClassVar[bool] = False
     """Its law has a kink: fits of it start from a scan of sizes."""
     by_column: ClassVar[bool] = False

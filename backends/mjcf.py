@@ -88,6 +88,10 @@ def mechanism(
     inertias = _inertias(model, own, led, chosen, data.qpos.copy())
     _refuse_weightless(names, inertias)
     bank, period_s = drives(names, chosen, inertias, geared)
+    bank = tuple(
+        dataclasses.replace(drive, spring_nm_rad=stiffness, spring_rest_rad=rest)
+        for drive, (stiffness, rest) in zip(bank, _springs(model, own, led), strict=True)
+    )
     joints = {
         j: _joint(model, data, j, servo, drive, (room or {}).get(name, 0.0))
         for j, name, servo, drive in zip(own, names, chosen, bank, strict=True)
@@ -226,6 +230,23 @@ def _inertias(
         viscous[behind] += one.rate**2 * file.damping
         coulomb[behind] += abs(one.rate) * float(model.dof_frictionloss[dof])
     return Inertias(motor_kgm2=motor, link_kgm2=links, coulomb_nm=coulomb, viscous_nms_rad=viscous)
+
+
+def _springs(
+    model: mujoco.MjModel, own: Sequence[int], led: Mapping[int, Follower]
+) -> list[tuple[float, float]]:
+    """Stiffness and rest of the springs at joints, with those of their followers [Nm/rad, rad]."""
+    stiffness, rest = model.jnt_stiffness, model.qpos_spring[model.jnt_qposadr]
+    found = []
+    for leader in own:
+        parts = [(float(stiffness[leader]), float(rest[leader]))]
+        for j, one in led.items():
+            if one.leader == leader and stiffness[j]:
+                start, rate = one.course[:2]
+                parts.append((float(stiffness[j]) * rate**2, (float(rest[j]) - start) / rate))
+        whole = sum(k for k, _ in parts)
+        found.append((whole, sum(k * at for k, at in parts) / whole if whole else 0.0))
+    return found
 
 
 def _motors(servos: Sequence[Servo], files: Sequence[FileDrive], links: Array) -> Array:

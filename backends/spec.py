@@ -75,6 +75,11 @@ class Drive:
     """Dry friction on the motor side whose bristles bend before they slide [Nm]."""
     presliding_rad: float = 0.0
     """How far they bend; 0: `drive.BRISTLE_RAD` [rad]."""
+    spring_nm_rad: float = 0.0
+    """Stiffness of a spring beside the drive, from the joint's link to the one before it
+    [Nm/rad]."""
+    spring_rest_rad: float = 0.0
+    """Where that spring pushes nothing [rad]."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -31,6 +31,8 @@ WRITTEN = {
     "body.carried": ("gravcomp", "of the link's weight", "of the link's weight"),
     "body.payload": ("the load", "of the link's mass", "of the link's mass"),
     "drive.play_rad": ("range of the play", "rad", "m"),
+    "drive.spring_nm_rad": ("stiffness", "Nm/rad", "N/m"),
+    "drive.spring_rest_rad": ("springref", "rad", "m"),
     "drive.end_stop_rad": ("end stop inside of the range", "rad", "m"),
 }
 """Numbers that an MJCF has: their names there, and their units of hinges and slides."""

@@ -15,7 +15,6 @@ import numpy as np
 from backends.catalogue import Catalogue
 from backends.catalogue import catalogue as every_effect
 from backends.effect import Effect, NumberEffect
-from backends.spec import Spec
 from backends.state import Array
 from diagnosis.evidence.evidence import Evidence
 from diagnosis.motion import columns as c
@@ -64,7 +63,6 @@ class _SoftFriction(_OwnSteps):
 class _Spot(NumberEffect):
     """Where on its link an effect acts."""
 
-    dimension, unit = "length", "mm"
     least = 0.1
     either_sign = True
 
@@ -74,7 +72,9 @@ TERMS: Catalogue = {"ki": _Integral, "speed_integral": _SpeedIntegral}
 OWN = 0.4
 """Standard deviation of the share of its model's own simulator that a log has: at most all."""
 SPOT = 0.5
-"""Standard deviation of where on its link a load is, about its end, over the link's reach."""
+"""Standard deviation of where a load or a spring acts, in units of `_spots`."""
+TURNS = 3.0
+"""Where a spring rests [rad, or a slide's travels], in natural units."""
 LATE_SHARE = 0.03
 """Commands are late by so much of a log's period anyway."""
 
@@ -116,6 +116,11 @@ class Parameter:
         return family is not None and family == other.kind.family and self.joint == other.joint
 
     @property
+    def lowest(self) -> float:
+        """Smallest u as an effect."""
+        return -self.most if self.kind.either_sign else -self.in_file * self.kind.breaks
+
+    @property
     def is_tilt(self) -> bool:
         """Whether it turns gravity for all joints at once."""
         return not issubclass(self.kind, NumberEffect)
@@ -149,7 +154,7 @@ def parameters(
                 own.append(_as_seen(one, evidence.limb, *seen))
         found += own
         for number, one in enumerate(own, len(found) - len(own)):
-            found += _spots(one, number, evidence.limb.spec)
+            found += _spots(one, number, evidence)
         if kind.shared and len(evidence.joints) > 1 and own:
             least = max(one.least for one in own)
             found.append(replace(own[0], joint=None, tolerance=0.0, unit=1.0, least=least))
@@ -158,15 +163,17 @@ def parameters(
     return tuple(found)
 
 
-def _spots(one: Parameter, number: int, spec: Spec) -> Iterator[Parameter]:
-    """Where on its link an effect acts, as parameters of its law."""
+def _spots(one: Parameter, number: int, evidence: Evidence) -> Iterator[Parameter]:
+    """Where an effect acts, as parameters of its law: from its link's end on, or of its joint."""
     if one.joint is not None and one.nameable:
+        reach_m = evidence.limb.spec.hand.driven[one.joint].reach_m
         for name in one.kind.spot:
+            place = c.COLUMNS.index(name)
             yield replace(
                 one,
                 kind=_Spot,
-                place=c.COLUMNS.index(name),
-                unit=spec.hand.driven[one.joint].reach_m,
+                place=place,
+                unit=reach_m if place in c.LINK else TURNS * evidence.size[one.joint],
                 tolerance=SPOT,
                 least=_Spot.least,
                 nameable=False,
@@ -273,7 +280,7 @@ def _sizes(
         unit = float(1.0 / stiffness)
         return unit, 1.0 / numbers[place] / unit if kind.nominal and not limb.rigid else 0.0, most
     damped = damping + numbers[c.VISCOUS] or np.sqrt(stiffness * numbers[c.ROTOR])
-    natural = {"torque": evidence.torque[joint], "damping": damped}
+    natural = {"torque": evidence.torque[joint], "damping": damped, "stiffness": stiffness}
     unit = float(natural.get(kind.dimension, 1.0))
     own = numbers[place] / unit if kind.nominal else 0.0
     return unit, own, min(most, high / unit) if bounded else most
@@ -287,7 +294,7 @@ def with_parts(parameters: Sequence[Parameter], numbers: Collection[int]) -> lis
 def bounds(parameter: Parameter, freed: bool, reach: float) -> tuple[float, float]:
     """How far u may go: any size as an effect, else within `reach` standard deviations."""
     if freed:
-        return (-parameter.most if parameter.kind.either_sign else 0.0), parameter.most
+        return parameter.lowest, parameter.most
     low, high = (parameter.centre + side * reach * parameter.tolerance for side in (-1, 1))
     below_zero = parameter.kind.either_sign or parameter.kind.coordinate == "logarithm"
     return max(low, -np.inf if below_zero else -parameter.in_file), max(high, 0.0)

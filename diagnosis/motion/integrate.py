@@ -1,6 +1,6 @@
 """A limb of K joints in compiled code, along the motion that was measured.
 
-    (M + D dt) a = tau + push - h - G (q - q_m) - C (v - v_m)
+    (M + D dt) a = tau + push - h - G (q - q_m) - C (v - v_m) - spring (q - rest)
 
 M, h, G = dh/dq and C = dh/dv are taken once at points (q_m, v_m) of the measured motion, so a
 replay computes no kinematics and needs no measured accelerations. Or M and h have a closed form
@@ -167,12 +167,13 @@ def integrate(
     share, quick = dt / (p[:, c.FILTER] + dt), dt / (p[:, c.LAG] + dt)
     yielding, slides_on = p[:, c.SOFT] * soft, 1.0 - dt / np.maximum(p[:, c.SOFT] * YIELD_S, dt)
     for j in range(joints):
-        lagged[j] = bias[0, j] - push[0, j]
+        pressed[j] = p[j, c.SPRING] * (q[j] - p[j, c.REST])
+        lagged[j] = bias[0, j] + pressed[j] - push[0, j]
         if p[j, c.INTEGRAL] > 0.0 or p[j, c.CASCADE] > 0.0:
             total[j] = lagged[j] - (1.0 - p[j, c.OPEN]) * p[j, c.KP] * (command[0, j] - q[j])
     inverse = np.zeros((joints, joints))
     held, at_limit = np.zeros(joints, np.bool_), np.zeros(joints, np.bool_)
-    asked_nm, stopped = np.zeros(joints), np.any(ends[:, 1])
+    asked_nm, presses = np.zeros(joints), np.any(ends[:, 1]) or np.any(p[:, c.SPRING])
     out[0], out[0, 2] = start[0], 0.0
     for t in range(len(row)):
         i, k, changed = min(t // stride, end), row[t], exact or t % stride == 0
@@ -244,9 +245,10 @@ def integrate(
                 held[j], damped[j] = at_limit[j], dt * loss
                 force[j] = pd + cog - p[j, c.VISCOUS] * v[j]
                 rub[j] += p[j, c.LOAD] * abs(gear[j])
-        for j in range(joints if stopped else 0):
+        for j in range(joints if presses else 0):
             past = ends[j, 1] * (q[j] + (dt if implicit else 0.5 * dt) * v[j] - ends[j, 0])
             pressed[j] = np.sign(ends[j, 1]) * max(past, 0.0)
+            pressed[j] += p[j, c.SPRING] * (q[j] - p[j, c.REST])
             stiff = dt * dt * abs(ends[j, 1]) if implicit and past > 0.0 else 0.0
             changed |= stiff != firm[j]
             firm[j] = stiff

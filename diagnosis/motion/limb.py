@@ -19,10 +19,11 @@ from diagnosis.motion.integrate import UNTIL, integrate, sense
 from diagnosis.motion.recordings import CHANNELS, Recording
 from diagnosis.replay.dynamics import (
     POSES,
-    bias_torques,
     dynamics,
+    holding,
     is_closed,
     link_inertia,
+    springs,
 )
 
 POINT_S = 4e-3
@@ -248,12 +249,12 @@ class Limb:
         def torque(recording: Recording) -> Array:
             q = smoothed(_filled(recording), self.period_s)
             if len(q) < 3:
-                return bias_torques(spec, q, np.zeros_like(q)) - recording.push
+                return holding(spec, q) - recording.push
             v = np.gradient(q, recording.time_s, axis=0)
             accel = np.gradient(v, recording.time_s, axis=0)
             mass, bias = dynamics(spec, q, v)
             turning = np.einsum("tij,tj->ti", mass, accel) + self.nominal[:, c.ROTOR] * accel
-            return turning + bias - recording.push
+            return turning + bias + springs(spec, q) - recording.push
 
         return self.means(torque)
 

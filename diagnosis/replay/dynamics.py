@@ -87,6 +87,18 @@ def bias_torques(spec: Spec, q: Array, v: Array) -> Array:
     return _torques(_links(spec), np.array(spec.gravity_m_s2, dtype=float), q, v, np.zeros_like(q))
 
 
+def springs(spec: Spec, q: Array) -> Array:
+    """Torques (P, J) against the springs of drives at q (P, J), which no bias torque has."""
+    rows = [(drive.spring_nm_rad, drive.spring_rest_rad) for drive in spec.drives]
+    stiffness, rest = np.array(rows).T
+    return np.asarray(stiffness * (q - rest))
+
+
+def holding(spec: Spec, q: Array) -> Array:
+    """Torques (P, J) that hold joints at rest at q (P, J): against weight and springs."""
+    return bias_torques(spec, q, np.zeros_like(q)) + springs(spec, q)
+
+
 def weights(spec: Spec, q: Array) -> Array:
     """Bias torques at rest by axis of a gravity of one [Nm/(m/s^2)], shape (P, J, 3)."""
     return _weights(_links(spec), q)

@@ -267,6 +267,8 @@ def numbers_of(spec: Spec) -> dict[str, JointNumbers]:
             mass_kg=body.mass_kg,
             payload=body.payload,
             play=drive.play_rad,
+            stiffness=drive.spring_nm_rad,
+            rest=drive.spring_rest_rad,
             ends=(low - min(inside, 0.0), high - max(inside, 0.0)) if inside else None,
         )
     return found

@@ -49,12 +49,14 @@ def screened(
             bend = np.block([[curvature[np.ix_(rest, rest)], shared], [shared.T, own]])
             slope = np.concatenate([pull[rest], columns.T @ left])
             parts = np.full(len(own) - 1, np.inf)
-            least = size if len(parts) else -one.most if one.kind.either_sign else 0.0
+            least, most = one.lowest, one.most
+            if len(parts):
+                least, most = (size, most) if size > 0.0 else (least, size)
             step = lowest(
                 bend,
                 slope,
                 np.concatenate([low[rest], [least], -parts]),
-                np.concatenate([high[rest], [one.most], parts]),
+                np.concatenate([high[rest], [most], parts]),
             )
             gain = float(slope @ step - step @ bend @ step / 2)
             best = max(best, (gain, now + float(step[rest.sum()])), key=lambda pair: pair[0])
@@ -80,7 +82,8 @@ def screened(
 
 def _sizes(one: Parameter) -> tuple[float, ...]:
     """Sizes over which an effect's slope is taken."""
-    ways = (1.0, -1.0) if one.kind.either_sign else (1.0,)
-    curved = one.kind.kinked or not (one.kind.either_sign or one.kind.spot)
+    ways = (1.0, -1.0) if one.lowest < 0.0 else (1.0,)
+    curved = one.kind.kinked or not (one.lowest < 0.0 or one.kind.spot)
     multiples = SIZES if curved else SIZES[:1]
-    return tuple(w * min(m * one.least, one.most) for m in multiples for w in ways)
+    sizes = (w * min(m * one.least, one.most) for m in multiples for w in ways)
+    return tuple(max(size, one.lowest) for size in sizes)

@@ -14,7 +14,7 @@ from diagnosis.logs.log import DriveSettings, LogError, as_log_errors
 from diagnosis.logs.roles import UNITS, words
 from diagnosis.logs.stamps import Notes, timed
 from diagnosis.logs.two_files import ON_BENCH, Asked, drives_of, named_joints, readings
-from diagnosis.replay.dynamics import bias_torques
+from diagnosis.replay.dynamics import holding
 
 LEAST = 100
 """A sweep on a bench has more rows."""
@@ -75,7 +75,7 @@ def _weights(
     spec = mechanism(xml, drives, held=hold, fix_base=fixed, geared=False)
     driven = [body.joint for body in spec.hand.driven]
     q = np.stack([rows[name_of("position", one.name, one.slides)] for one in driven], axis=1)
-    weights = bias_torques(spec, np.nan_to_num(q), np.zeros_like(q))
+    weights = holding(spec, np.nan_to_num(q))
     return dict(zip(spec.hand.joint_names, weights.T, strict=True))
 
 

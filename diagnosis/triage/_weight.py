@@ -15,7 +15,7 @@ from backends.state import Array
 from diagnosis.motion.columns import KP
 from diagnosis.motion.limb import block_means
 from diagnosis.motion.recordings import Recording
-from diagnosis.replay.dynamics import bias_torques
+from diagnosis.replay.dynamics import holding
 from diagnosis.triage._lines import ZERO_RAD
 from diagnosis.triage._signals import rms
 from diagnosis.triage._tracks import BETTER, Fault, Track
@@ -90,8 +90,8 @@ class Sags:
         track = self.track
         q = self.positions / per_si
         q[:, track.index] -= zero
-        bias = bias_torques(track.limb.spec, q, np.zeros_like(q)) if len(q) else q
-        return self._own(bias[:, track.index] / track.limb.nominal[track.index, KP])
+        held = holding(track.limb.spec, q) if len(q) else q
+        return self._own(held[:, track.index] / track.limb.nominal[track.index, KP])
 
     def misfit(
         self, per_si: float = 1.0, zero: float = 0.0, sizes: tuple[float, float] = (1.0, 1.0)

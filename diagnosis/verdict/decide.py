@@ -104,8 +104,7 @@ def _cause(fitter: Fitter, found: Found, fit: Fit, number: int) -> Cause:
     alike = (p for p in fitter.parameters if p.effect == one.effect and p.part_of is None)
     own = max((p.tolerance for p in alike if one.joint in (p.joint, None)), default=0.0)
     wide = Z90 * float(np.sqrt(fit.sd.get(number, 0.0) ** 2 + own**2 + (off * u) ** 2))
-    least = -one.most if one.kind.either_sign else 0.0
-    ends = max(u - wide, least), min(u + wide, max(one.most, u))
+    ends = max(u - wide, one.lowest), min(u + wide, max(one.most, u))
     if one.place in (DELAY, LATE):
         ends = ends[0], ends[1] + fitter.evidence.limb.unsure_s
     low, high = sorted(_magnitude(fitter, one, x) for x in ends)
@@ -124,19 +123,23 @@ def _cause(fitter: Fitter, found: Found, fit: Fit, number: int) -> Cause:
 
 
 def _away(fitter: Fitter, fit: Fit, number: int, off: float) -> str:
-    """How far from its joint an effect acts, in words; empty where its law has no place.
+    """Where on its link or joint an effect acts, in words; empty where its law has no place.
 
     `off`: the share that laws are off by, beside the standard deviation.
     """
-    one = fitter.parameters[number]
-    if one.joint is None or not one.kind.spot:
+    one, parts = fitter.parameters[number], fitter.parameters
+    if one.joint is None or not one.kind.spot or fit.u[number] < 0.0:
         return ""
-    body, parts = fitter.evidence.limb.spec.hand.driven[one.joint], fitter.parameters
-    spots = [k for k, part in enumerate(parts) if part.part_of == number]
-    at_m = np.array(body.payload_m) + [parts[k].unit * fit.u.get(k, 0.0) for k in spots]
-    sd_m = np.array([parts[k].unit * fit.sd.get(k, parts[k].tolerance) for k in spots])
-    away_m = float(np.linalg.norm(at_m))
-    sd = np.hypot(np.linalg.norm(at_m * sd_m) / max(away_m, 1e-9), off * away_m)
+    limb, spots = fitter.evidence.limb, [k for k, p in enumerate(parts) if p.part_of == number]
+    at = limb.nominal[one.joint, [parts[k].place for k in spots]]
+    at = at + [parts[k].unit * fit.u.get(k, 0.0) for k in spots]
+    sds = np.array([parts[k].unit * fit.sd.get(k, parts[k].tolerance) for k in spots])
+    if not one.kind.is_of("body"):
+        unit = "mm" if limb.spec.hand.driven[one.joint].joint.slides else "deg"
+        where, sd = (float(x) / UNITS[unit][1] for x in (at[0], np.hypot(sds[0], off * at[0])))
+        return f"at rest at {where:.3g} ± {sd:.2g} {unit}"
+    away_m = float(np.linalg.norm(at))
+    sd = np.hypot(np.linalg.norm(at * sds) / max(away_m, 1e-9), off * away_m)
     return f"{1e3 * away_m:.3g} ± {1e3 * sd:.2g} mm from its joint"
 
 

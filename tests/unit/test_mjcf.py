@@ -36,7 +36,7 @@ from diagnosis.logs.log import (
 )
 from diagnosis.motion.limb import Limb
 from diagnosis.motion.recordings import Recording
-from diagnosis.replay.dynamics import dynamics, is_closed
+from diagnosis.replay.dynamics import dynamics, is_closed, springs
 from diagnosis.replay.nominal import mjcf_world, own_catalogue
 from diagnosis.replay.parts import limbs
 from diagnosis.replay.plain import numbers_of
@@ -230,6 +230,23 @@ COUPLED = """<mujoco><worldbody><body name="palm" pos="0 0 .4">
 </mujoco>"""
 
 
+def test_springs_are_of_the_joint_that_leads():
+    """Give the torque of MuJoCo's springs, of a joint's and of what follows it along a line."""
+    xml = COUPLED.replace('ref="20"', 'ref="20" stiffness="3" springref="40"')
+    xml = xml.replace('axis="1 0 .5"', 'axis="1 0 .5" stiffness="50" springref=".1"')
+    spec = mechanism(xml, {"a": DriveSettings(kp=20, kd=1, limit=5)}, geared=False)
+    model = mujoco.MjModel.from_xml_string(xml)
+    data, at = mujoco.MjData(model), [model.joint(name).dofadr[0] for name in ("a", "tip", "b")]
+    for q in (0.2, -0.7):
+        x = q - ZERO
+        data.qpos[at] = q, 0.1 + 0.9 * x + 0.5 * x**2 + 0.2 * x**3, -0.3 * x
+        mujoco.mj_forward(model, data)
+        assert -springs(spec, np.array([[q]])) == pytest.approx(RATE(x) @ data.qfrc_spring[at])
+    bent = xml.replace('axis="0 1 .2"', 'axis="0 1 .2" stiffness="1"')
+    with pytest.raises(MjcfError, match="'tip' has a spring that is not linear in the logged"):
+        mechanism(bent, {"a": DriveSettings(kp=20, kd=1, limit=5)}, geared=False)
+
+
 def test_what_follows_moves_as_in_mujoco():
     """Give the inertia and the torque of a joint with followers, on either side of it.
 
@@ -406,7 +423,7 @@ def test_a_floating_base_stands_where_the_file_has_it():
         ('axis="1 2 0.5"', 'type="ball"', "is of type ball"),
         ('name="a" axis', 'name="ab" axis', "has no joint 'a', it has: ab; did you mean 'ab'"),
         ('name="a" axis', "axis", "it has no joint 'a', it has: none"),
-        ('armature="0.01"', 'armature="0.01" stiffness="3"', "has a spring"),
+        ('armature="0.01"', 'armature="0.01" stiffness="3 1"', "has a spring that is not linear"),
         (
             "</worldbody>",
             "</worldbody><equality><joint joint1='a'/></equality>",

@@ -122,12 +122,12 @@ def test_a_written_robot_moves_as_the_gap_was_measured(own, drives):
     assert found == pytest.approx(np.array(read[::5]), abs=1e-9)
 
 
-def diagnosed(folder: Path, real: str, **beside: Any) -> int:
-    """Diagnose the arm by what a real one shows, into `folder`; the exit code."""
+def diagnosed(folder: Path, real: str, file: str = ARM, **beside: Any) -> int:
+    """Diagnose an arm's file by what a real one shows, into `folder`; the exit code."""
     rng = np.random.default_rng(1)
     command = np.repeat(rng.uniform(-0.4, 0.4, 16), 100)
     read = shown(real, command, **beside) + 3e-4 * rng.normal(size=len(T))
-    return by_table(folder, ARM, {"a_cmd": command, "a_pos": read})
+    return by_table(folder, file, {"a_cmd": command, "a_pos": read})
 
 
 def by_table(folder: Path, arm: str, columns: dict[str, np.ndarray]) -> int:
@@ -163,19 +163,29 @@ def test_a_term_of_drives_is_in_none_of_the_files():
 @pytest.mark.parametrize(
     ("name", "real", "drives", "file", "text"),
     [
-        ("gravity-compensation", 'gravcomp="0.6" ', {}, "corrected.xml", "gravcomp"),
+        ("gravity-compensation", '<body gravcomp="0.6" ', {}, "corrected.xml", "gravcomp"),
+        ("joint-spring", '<joint stiffness="9" springref="40" ', {}, "corrected.xml", "springref"),
         ("cogging", "", {"a": COGGED}, "corrected.py", "'cogging_nm': 0."),
     ],
 )
 def test_a_torque_is_taken_home(name, real, drives, file, text, tmp_path, capfd):
-    """Write what carries a link or cogs, and measure the gap with it."""
-    assert (
-        diagnosed(tmp_path, ARM.replace("<body ", f"<body {real}"), step_s=None, drives=drives) == 0
-    )
+    """Write what carries a link, pulls it or cogs, and measure the gap with it."""
+    tag = real.partition(" ")[0] + " "
+    assert diagnosed(tmp_path, ARM.replace(tag, real, 1), step_s=None, drives=drives) == 0
     found = json.loads(capfd.readouterr().out)
     assert found["verdict"] == [name] and not found["model"]["not_in_mjcf"]
     assert found["model"]["after_rad"] < 0.15 * found["model"]["before_rad"]
     assert text in (tmp_path / "out" / file).read_text()
+
+
+def test_a_spring_of_the_file_may_be_gone(tmp_path, capfd):
+    """Name a spring that a robot lacks, and take it out of the file."""
+    sprung = ARM.replace("<joint ", '<joint stiffness="9" springref="40" ', 1)
+    assert diagnosed(tmp_path, ARM, file=sprung) == 0
+    found = json.loads(capfd.readouterr().out)
+    assert found["verdict"] == ["joint-spring"]
+    assert found["magnitudes"][0]["value"] == pytest.approx(-9.0, rel=0.05)
+    assert found["model"]["after_rad"] < 0.15 * found["model"]["before_rad"]
 
 
 def test_what_is_written_is_said(tmp_path, capfd):

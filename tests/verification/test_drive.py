@@ -263,6 +263,20 @@ def test_an_end_stop_only_pushes_and_takes_energy(side: float) -> None:
     assert -1.0 <= side * v[0, 0] < -0.5
 
 
+def test_a_spring_pulls_to_where_it_rests() -> None:
+    """Hold a joint where kp (target - q) = k (q - rest), by the torque of neither gear nor stop."""
+    stiffness, rest, target = 2.0, -0.4, 0.1
+    drive = dataclasses.replace(FREE, spring_nm_rad=stiffness, spring_rest_rad=rest)
+    for q in (-0.9, rest, 0.3):
+        joint = np.array([[q]])
+        torque = bank([drive], start_rad=q).step(joint, joint, np.zeros((1, 1)))
+        assert torque[0, 0] == pytest.approx(stiffness * (rest - q))
+    held = dataclasses.replace(GEARED, play_rad=0.0, spring_nm_rad=stiffness, spring_rest_rad=rest)
+    q = Swing([held], 0.0).settle(target, np.zeros(1), steps=4000)
+    by = 1 / (1 / held.kp_nm_rad + 1 / held.gear_stiffness_nm_rad)  # servo and teeth in series
+    assert q == pytest.approx((by * target + stiffness * rest) / (by + stiffness), abs=1e-6)
+
+
 @pytest.mark.parametrize(("inside", "sign"), [(0.3, 1.0), (-0.2, -1.0), (0.0, 0.0)])
 def test_end_stops_stand_inside_of_the_range(inside: float, sign: float) -> None:
     """Give the angle, and the stiffness of the teeth unless another is said; none without one."""
