@@ -160,8 +160,8 @@ def _springs(model: Any, moving: Sequence[int], held: Collection[str]) -> list[s
     """Springs of joints that move, and of those that follow them, whose torque is no line."""
     led, names = followers(model, moving, held)[0], list[str]()
     for j in (*moving, *led):
-        bent = j in led and len(led[j].course) != 2
-        if np.any(model.jnt_stiffnesspoly[j]) or (bent and model.jnt_stiffness[j]):
+        is_curve = j in led and len(led[j].course) != 2
+        if np.any(model.jnt_stiffnesspoly[j]) or (is_curve and model.jnt_stiffness[j]):
             names.append(model.joint(j).name)
     text = "{} a spring that is not linear in the logged joint; give it one stiffness, or delete it"
     return [text.format(listed(names, "have"))] if names else []

@@ -64,6 +64,8 @@ class JointNumbers:
     """Stiffness of the spring at the joint."""
     rest: float = 0.0
     """Where that spring pushes nothing."""
+    zero: float = 0.0
+    """By how much more than in the file it reads where it stands."""
 
 
 def written(
@@ -95,7 +97,7 @@ def written(
         joint.set("armature", repr(one.armature))
         joint.set("damping", repr(one.damping + one.open * one.kd))
         _set_friction(joint, model, name, one, step_s)
-        _set_spring(root, joint, model, name, one)
+        _set_zero(root, joint, model, name, one)
         if model.jnt_actfrclimited[model.joint(name).id]:  # the servo has the limit
             joint.attrib.pop("actuatorfrcrange", None)
             joint.set("actuatorfrclimited", "false")
@@ -178,14 +180,16 @@ def _rub(joint: Element, loss: float, step_s: float) -> None:
     joint.set("solimpfriction", f"{_text(FIRM)} 0.001")
 
 
-def _set_spring(
+def _set_zero(
     root: Element, joint: Element, model: mujoco.MjModel, name: str, one: JointNumbers
 ) -> None:
-    """Write the spring of a joint, where it is another one."""
-    own = model.joint(name)
-    if (one.stiffness, one.rest) != (own.stiffness[0], own.qpos_spring[0]) and one.stiffness:
+    """Write the zero of a joint and its spring, where they are others."""
+    own, in_file, rest = model.joint(name), _in_file(root, model, name), one.rest + one.zero
+    if one.zero:
+        joint.set("ref", repr(float(in_file(own.qpos0[0] + one.zero))))
+    if (one.stiffness, rest) != (own.stiffness[0], own.qpos_spring[0]) and one.stiffness:
         joint.set("stiffness", repr(one.stiffness))
-        joint.set("springref", repr(float(_in_file(root, model, name)(one.rest))))
+        joint.set("springref", repr(float(in_file(rest))))
 
 
 def _set_mass(body: Element, model: mujoco.MjModel, b: int, mass_kg: float) -> None:

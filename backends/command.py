@@ -2,7 +2,8 @@
 
 They act in this order: a policy period's target is rounded to a step; it is sent late by a random
 time, and never where the next one is due before; it may be lost, then the last one is kept; the bus
-delays the target; the drive limits its rate. Without any of these the target passes unchanged.
+delays the target; the drive limits its rate, and counts the angle from its own zero. Without any of
+these the target passes unchanged.
 """
 
 from collections.abc import Sequence
@@ -69,7 +70,10 @@ class CommandBank:
         self._dt_s, self._substeps = timing.drive_s, timing.substeps
         paths = [[astuple(b.joint.command) for b in s.hand.driven] for s in specs]
         self._parameters = np.array(paths)
-        self.acts = bool(self._parameters.any())
+        self._zero_rad = np.array(
+            [[b.joint.encoder.zero_rad for b in s.hand.driven] for s in specs]
+        )
+        self.acts = bool(self._parameters.any() or self._zero_rad.any())
         """Whether this path changes any target."""
         shape = self._parameters.shape[:2]
         ticks = ring_ticks(self._parameters[..., 0], self._dt_s)
@@ -91,7 +95,7 @@ class CommandBank:
             self._ring,
             self._out,
         )
-        return self._out
+        return self._out - self._zero_rad
 
 
 def ring_ticks(delay_s: Array, dt_s: float) -> int:

@@ -1,7 +1,7 @@
 """Position sensors: how policies and logs read the angles of joints or motors.
 
     reading = quantise((1 + scale_error) a + once cos(a) + across sin(a) + bias + noise)
-    a = angle(t - delay)
+    a = angle(t - delay) + zero
 
 Without these errors the reading is the angle.
 """
@@ -36,8 +36,8 @@ def read(tick, seed, p, dt, ring, out):
     """Write the readings (N, J) for the tick that was stored last."""
     for n in range(out.shape[0]):
         for j in range(out.shape[1]):
-            bias, scale, resolution, noise, delay, cosine, sine = p[n, j]
-            angle = delayed(ring[n, j], tick[n], delay / dt)
+            bias, scale, resolution, noise, delay, cosine, sine, zero = p[n, j]
+            angle = delayed(ring[n, j], tick[n], delay / dt) + zero
             reading = (1.0 + scale) * angle + bias
             if cosine != 0.0 or sine != 0.0:
                 reading += cosine * np.cos(angle) + sine * np.sin(angle)
@@ -48,7 +48,9 @@ def read(tick, seed, p, dt, ring, out):
             out[n, j] = reading
 
 
-def angles(reading: Array, bias: Array, scale: Array, cosine: Array, sine: Array) -> Array:
+def angles(
+    reading: Array, bias: Array, scale: Array, cosine: Array, sine: Array, zero: Array | float = 0.0
+) -> Array:
     """Angles [rad] at rest at which sensors with these errors show readings, all (..., J).
 
     What goes once per turn is found by repetition, each of which divides the error by 4 or more.
@@ -57,7 +59,7 @@ def angles(reading: Array, bias: Array, scale: Array, cosine: Array, sine: Array
     for _ in range(REPEATED if np.any(cosine) or np.any(sine) else 0):
         once = cosine * np.cos(found) + sine * np.sin(found)
         found = np.asarray((reading - bias - once) / (1.0 + scale))
-    return found
+    return found - zero
 
 
 class EncoderBank:

@@ -152,6 +152,8 @@ class Encoder:
     """Error once per turn: the part that goes as the cosine of the angle [rad]."""
     eccentricity_sine_rad: float = 0.0
     """The part of it that goes as the sine, a quarter turn on [rad]."""
+    zero_rad: float = 0.0
+    """Angle by which this sensor and the motor's own both read more than the joint has [rad]."""
 
 
 @dataclass(frozen=True, kw_only=True)

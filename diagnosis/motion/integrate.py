@@ -24,7 +24,7 @@ import numpy as np
 
 from backends.drive import cogged, remembered, rubbing
 from diagnosis.motion import columns as c
-from diagnosis.motion.columns import ACROSS, BIAS, LATE, ONCE, SCALE
+from diagnosis.motion.columns import ACROSS, BIAS, LATE, ONCE, SCALE, ZERO
 from diagnosis.replay.dynamics import closed_form
 
 SWEEPS = 3
@@ -354,6 +354,7 @@ def sense(ticks, at, edges, at_motor, read, p, dt, shown):
                     seen = ticks[low, side, j] * (1.0 - share) + ticks[low + 1, side, j] * share
                 else:
                     seen = ticks[now, side, j]
+                seen += p[j, ZERO]
                 angle += seen
                 if p[j, ONCE] != 0.0 or p[j, ACROSS] != 0.0:
                     once += p[j, ONCE] * np.cos(seen) + p[j, ACROSS] * np.sin(seen)

@@ -34,6 +34,8 @@ TICK_S, FINEST_S = 1e-3, 2e-5
 """Longest and shortest step of a rigid drive [s]."""
 TICKS = 10
 """Ticks between samples are enough where those are far apart."""
+NEAR_RAD = 0.02
+"""The model is taken within half of this of where a joint is: beyond, weight bends by 5e-5."""
 TRACKED_RAD_S = 20.0
 """A joint under torque alone drifts from any model: in a replay a spring and a critical damper hold
 it to the measured motion, with this natural frequency, as a soft servo would."""
@@ -200,8 +202,8 @@ class Limb:
         return tuple(found)
 
     @cached_property
-    def _models(self) -> Callable[[bytes, bytes], dict[Along, Model]]:
-        """The models with loads (K, len(LINK)) and a tilt (2,); few replays change either.
+    def _models(self) -> Callable[[bytes, bytes, bytes], dict[Along, tuple[Along, Model]]]:
+        """The models with loads (K, len(LINK)), a tilt (2,) and zeros (K,); few replays change any.
 
         They do not hold the limb, so that both go at once, with all that is large in them.
         """
@@ -209,12 +211,24 @@ class Limb:
         paths = dict.fromkeys(self.along)
 
         @lru_cache(2)
-        def models(load: bytes, tilt: bytes) -> dict[Along, Model]:
+        def moved(zeros: bytes) -> dict[Along, Along]:
+            off = np.frombuffer(zeros)
+            if not off.any():
+                return {path: path for path in paths}
+            return {path: replace(path, angle_rad=path.angle_rad - off) for path in paths}
+
+        @lru_cache(2)
+        def models(load: bytes, tilt: bytes, zeros: bytes) -> dict[Along, tuple[Along, Model]]:
             rows = np.frombuffer(load).reshape(joints, -1)
             gravity = turned(gravity_m_s2, np.frombuffer(tilt))
-            return {path: path.of(rows, gravity) for path in paths}
+            return {path: (one, one.of(rows, gravity)) for path, one in moved(zeros).items()}
 
         return models
+
+    def _zeros(self, numbers: Array) -> Array:
+        """How far from the measured motion sensors with these numbers say that joints are (K,)."""
+        off = (numbers - self.nominal)[:, [c.BIAS, c.ZERO]].sum(axis=1)
+        return np.zeros_like(off) if self.closed else NEAR_RAD * np.round(off / NEAR_RAD)
 
     def _moved(self, number: int, numbers: Array, count: int) -> tuple[Array, Array]:
         """How an episode moved by sensors with these numbers: angles and speeds (P, K)."""
@@ -321,7 +335,8 @@ class Limb:
     ) -> Iterator[Array | None]:
         """Joints, motors and torques as `integrate` has them, by episode; None: it diverged."""
         tilt = np.zeros(len(AXES)) if tilt is None else tilt
-        models = self._models(numbers[:, c.LINK].tobytes(), tilt.tobytes())
+        own_zeros = self._zeros(numbers).tobytes()
+        models = self._models(numbers[:, c.LINK].tobytes(), tilt.tobytes(), own_zeros)
         starts = np.zeros((len(self.recordings), 2, len(numbers)))
         starts[:, 0] = unread(np.array([r.start for r in self.recordings]), numbers) + shift
         for start, one in zip(starts, self.recordings, strict=True):
@@ -330,11 +345,12 @@ class Limb:
         ends = stops(numbers[:, [c.STOP, c.FIRM, c.STIFFNESS]], ranges)
         episodes = enumerate(zip(self.recordings, self.along, self._ticks, starts, strict=True))
         for number, (recording, path, (acts, _), start) in episodes:
-            model = models[path]
+            path, model = models[path]
             if self.open.any():
                 model, start[1] = self._tracked(number, numbers, path, model)
             motion = path.angle_rad, path.speed_rad_s, model
             sent = rounded(recording.command, numbers[:, c.STEP])
+            sent = sent - (1.0 - numbers[:, c.OPEN]) * numbers[:, c.ZERO]
             asked = sent, recording.given, recording.push, acts
             out = np.empty((len(acts[0]) + 1, len(CHANNELS), len(self.joints)))
             own = start, numbers, ends, self.soft, self.rigid
@@ -365,7 +381,7 @@ def _filled(recording: Recording) -> Array:
 
 def unread(reading: Array, numbers: Array) -> Array:
     """Angles [rad] at which position sensors with these numbers read `reading` (K,)."""
-    return angles(reading, *numbers[:, [c.BIAS, c.SCALE, c.ONCE, c.ACROSS]].T)
+    return angles(reading, *numbers[:, [c.BIAS, c.SCALE, c.ONCE, c.ACROSS, c.ZERO]].T)
 
 
 def block_means(samples: Array, edges: Array) -> Array:

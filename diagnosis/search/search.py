@@ -15,7 +15,7 @@ from scipy.optimize import minimize_scalar
 from backends.effects.coulomb_friction import Effect as CoulombFriction
 from backends.state import Array
 from diagnosis.models.parameters import Parameter, with_parts
-from diagnosis.motion.columns import COULOMB, MASS, PAYLOAD, SOFT
+from diagnosis.motion.columns import COULOMB, MASS, PAYLOAD, SOFT, ZERO
 from diagnosis.progress import Progress, Stop
 from diagnosis.search.chaos import with_prediction_spread
 from diagnosis.search.fit import Fit, Fitter, costs
@@ -53,7 +53,7 @@ SHAPED = 0.3
 """Another effect of a cause's family gives its law more shape if it takes so much of the rest."""
 OWN = 1.25
 """An effect that all joints share leaves so many times less [squared] than one on a joint alone."""
-LOADS = MASS, PAYLOAD
+LOADS = MASS, PAYLOAD, ZERO
 """What shows on other joints as on its own."""
 SENSOR = 1.5
 """A sensor's law is exact: it leaves so many times less [squared] than a mechanism's model."""

@@ -45,7 +45,7 @@ def in_other_words(kind: type[Effect], size: float, unit: str, at: JointFacts = 
     if kind.dimension == "angle" and unit in kind.units():
         other = "mrad" if unit == "deg" else "deg"
         found.append(f"{size / UNITS[other][1]:.3g} {other}")
-    if kind.dimension == "angle" and at.count > 0.0:
+    if kind.dimension == "angle" and 0.0 < abs(size) < MOST_COUNTS * at.count:
         found.append(f"{size / at.count:.3g} counts")
     if kind.is_of("body") and at.mass_kg > 0.0:
         found.append(f"{size * at.mass_kg:.3g} kg")
@@ -64,6 +64,8 @@ def distance(size: float, spec: Spec) -> str:
     return f"{turned}; of slides mm)" if True in slides else f"{turned})"
 
 
+MOST_COUNTS = 1e4
+"""A size of more counts is not said in them."""
 NONE, UNKNOWN = "none", "unknown"
 Z90 = 1.645
 """Half of a 90 % interval, in standard deviations."""

@@ -54,6 +54,8 @@ class Real:
     """Of the simulator, which the file has as well."""
     integral_hz: float = 0.0
     """Gain of an integral in all drives, over kp [1/s]."""
+    zero_rad: Mapping[int, float] = field(default_factory=dict)
+    """By how much more than the angle a joint's drive and its sensor read."""
     still: tuple[int, ...] = ()
     """Joints whose target stays at STILL_RAD."""
 
@@ -155,6 +157,8 @@ def _simulated(real: Real, command: np.ndarray) -> np.ndarray:
     )
     drives, armature = f"<actuator>{drives}</actuator>", real.armature_kgm2 or ARMATURE
     xml = mjcf(real.joints, real.coulomb_nm, drives, real.option, armature, real.stop_rad)
+    for j, zero in real.zero_rad.items():
+        xml = xml.replace(f'<joint name="J{j}"', f'<joint name="J{j}" ref="{zero}"')
     model = mujoco.MjModel.from_xml_string(xml.replace("<body", f'<body gravcomp="{real.carried}"'))
     data, shown = mujoco.MjData(model), []
     steps = round(1 / HZ / model.opt.timestep)

@@ -67,10 +67,11 @@ def test_error_once_per_turn() -> None:
 
 def test_readings_tell_the_angle() -> None:
     """Invert bias, scale and what goes once per turn to the last digit, at the effects' bounds."""
-    errors = np.array([0.02, -0.1, np.radians(5), np.radians(-5)])
+    errors = np.array([0.02, -0.1, np.radians(5), np.radians(-5), 0.3])
     spec = world(
         f"encoder-bias={errors[0]}rad,encoder-scale={100 * errors[1]}%,"
-        f"encoder-eccentricity={errors[2]}rad,encoder-eccentricity-sine={errors[3]}rad"
+        f"encoder-eccentricity={errors[2]}rad,encoder-eccentricity-sine={errors[3]}rad,"
+        f"joint-zero={errors[4]}rad"
     )
     found = encoder.angles(readings(spec, 3 * ANGLES), *errors)
     assert found == pytest.approx(3 * ANGLES, abs=1e-14)

@@ -242,9 +242,9 @@ def test_springs_are_of_the_joint_that_leads():
         data.qpos[at] = q, 0.1 + 0.9 * x + 0.5 * x**2 + 0.2 * x**3, -0.3 * x
         mujoco.mj_forward(model, data)
         assert -springs(spec, np.array([[q]])) == pytest.approx(RATE(x) @ data.qfrc_spring[at])
-    bent = xml.replace('axis="0 1 .2"', 'axis="0 1 .2" stiffness="1"')
+    curved = xml.replace('axis="0 1 .2"', 'axis="0 1 .2" stiffness="1"')
     with pytest.raises(MjcfError, match="'tip' has a spring that is not linear in the logged"):
-        mechanism(bent, {"a": DriveSettings(kp=20, kd=1, limit=5)}, geared=False)
+        mechanism(curved, {"a": DriveSettings(kp=20, kd=1, limit=5)}, geared=False)
 
 
 def test_what_follows_moves_as_in_mujoco():

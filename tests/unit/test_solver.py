@@ -134,6 +134,13 @@ def test_numbers_that_are_off_together_hide_no_fault():
     assert "nominal_uncertainty" in limb.sentences[1]
 
 
+def test_a_joints_zero_is_no_load():
+    """Name a zero that drive and sensor share, where a load beside other masses leaves as little."""
+    found = diagnose(log_of(Real(joints=2, zero_rad={1: 0.25})))
+    assert found.verdict == ("joint-zero",) and found.joints == ("J1",)
+    assert found.magnitudes[0].value == pytest.approx(np.degrees(0.25), rel=0.05)
+
+
 def test_looks_for_nothing_in_an_empty_catalogue():
     """Say unknown where no effect may be named."""
     assert diagnose(log_of(KINDS["single"][0]), catalogue={}).verdict == ("unknown",)

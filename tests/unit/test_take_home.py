@@ -165,7 +165,7 @@ def test_a_term_of_drives_is_in_none_of_the_files():
     [
         ("gravity-compensation", '<body gravcomp="0.6" ', {}, "corrected.xml", "gravcomp"),
         ("joint-spring", '<joint stiffness="9" springref="40" ', {}, "corrected.xml", "springref"),
-        ("cogging", "", {"a": COGGED}, "corrected.py", "'cogging_nm': 0."),
+        ("cogging", "<body ", {"a": COGGED}, "corrected.py", "'cogging_nm': 0."),
     ],
 )
 def test_a_torque_is_taken_home(name, real, drives, file, text, tmp_path, capfd):

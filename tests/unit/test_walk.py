@@ -80,12 +80,13 @@ def test_joints_touch_and_stick_together(held):
 
 @pytest.mark.slow
 def test_pulls_are_replayed_with_refitted_drives():
-    """Measure a heavy stick although gains are off by what nominal ones may be."""
+    """Measure a heavy stick although gains are off, which free air tells to 3 %, by 4 %."""
     real = log("kp-scale=4%,stick-mass=100%", "mujoco", ("multisine", "grasp", "pull"), 2)
     few = {name: registry.load("effect", name) for name in (*FEW, "stick-mass")}
     found = diagnose(real, nominal=NOMINAL, catalogue=few, simulate=on("mujoco"))
     assert found.verdict == ("stick-mass",)
-    assert found.magnitudes[0].value == pytest.approx(100, abs=15)
+    (stick,) = found.magnitudes
+    assert stick.low < 100 < stick.high < 200
 
 
 @pytest.mark.slow
