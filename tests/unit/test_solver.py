@@ -135,7 +135,7 @@ def test_numbers_that_are_off_together_hide_no_fault():
 
 
 def test_a_joints_zero_is_no_load():
-    """Name a zero that drive and sensor share, where a load beside other masses leaves as little."""
+    """Name a zero that drive and sensor share, where a load leaves as little."""
     found = diagnose(log_of(Real(joints=2, zero_rad={1: 0.25})))
     assert found.verdict == ("joint-zero",) and found.joints == ("J1",)
     assert found.magnitudes[0].value == pytest.approx(np.degrees(0.25), rel=0.05)
