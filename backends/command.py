@@ -70,9 +70,7 @@ class CommandBank:
         self._dt_s, self._substeps = timing.drive_s, timing.substeps
         paths = [[astuple(b.joint.command) for b in s.hand.driven] for s in specs]
         self._parameters = np.array(paths)
-        self._zero_rad = np.array(
-            [[b.joint.encoder.zero_rad for b in s.hand.driven] for s in specs]
-        )
+        self._zero_rad = np.array([[drive.zero_rad for drive in s.drives] for s in specs])
         self.acts = bool(self._parameters.any() or self._zero_rad.any())
         """Whether this path changes any target."""
         shape = self._parameters.shape[:2]

@@ -104,7 +104,7 @@ def remembered(speed, pd, dt, limit, fade, warm_s, sliding, bristle, heat, bend)
 
 @numba.njit(cache=True)
 def _extra(motor, speed, pd, p, dt):
-    """Stiction of a drive with the numbers `p` (28,), and its torques of cogging and memory [Nm].
+    """Stiction of a drive with the numbers `p` (29,), and its torques of cogging and memory [Nm].
 
     Its memory is written.
     """
@@ -118,7 +118,7 @@ def _extra(motor, speed, pd, p, dt):
 
 @numba.njit(cache=True, error_model="numpy", forceinline=True)
 def motor_tick(target, joint, joint_speed, motor, speed, pd, p, dt, extra=True):
-    """Step one joint's drive by one period `dt`, with its numbers `p` (28,) of a `drive_table`.
+    """Step one joint's drive by one period `dt`, with its numbers `p` (29,) of a `drive_table`.
 
     `pd` is the last PD torque; `extra`: whether it may have one of the `EXTRAS`. Returns the
     motor's new angle and speed, its PD torque and the torque on the joint.
@@ -154,7 +154,7 @@ def motor_tick(target, joint, joint_speed, motor, speed, pd, p, dt, extra=True):
 
 @numba.njit(cache=True, error_model="numpy")
 def drive_step(target, joint, joint_speed, motor, motor_speed, p, dt, extra, pd, gear):
-    """`motor_tick` for arrays (N, J); `p` (N, 28, J) holds the numbers of all drives."""
+    """`motor_tick` for arrays (N, J); `p` (N, 29, J) holds the numbers of all drives."""
     for n in range(target.shape[0]):
         for j in range(target.shape[1]):
             rotor = motor[n, j], motor_speed[n, j], pd[n, j]
@@ -164,7 +164,7 @@ def drive_step(target, joint, joint_speed, motor, motor_speed, p, dt, extra, pd,
 
 
 def drive_table(spec: Spec) -> Array:
-    """The numbers of all drives in the order of their fields, then an empty `MEMORY`, (J, 28).
+    """The numbers of all drives in the order of their fields, then an empty `MEMORY`, (J, 29).
 
     Of end stops not how far inside they stand, but where; and the stiffness as `stops` says.
     """

@@ -68,7 +68,9 @@ class EncoderBank:
     def __init__(self, specs: Sequence[Spec]) -> None:
         self._dt_s = specs[0].timing.drive_s
         joints = [[b.joint for b in s.hand.driven] for s in specs]
-        self._parameters = np.array([[astuple(j.encoder) for j in row] for row in joints])
+        zeros = [[drive.zero_rad for drive in s.drives] for s in specs]
+        own = [[astuple(j.encoder) for j in row] for row in joints]
+        self._parameters = np.concatenate([own, np.expand_dims(zeros, 2)], axis=2)
         self._at_motor = np.array([[j.sensor == "motor" for j in row] for row in joints])
         self._acts = bool(self._parameters.any())
         self._plain = not self._acts and not self._at_motor.any()

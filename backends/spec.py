@@ -80,6 +80,9 @@ class Drive:
     [Nm/rad]."""
     spring_rest_rad: float = 0.0
     """Where that spring pushes nothing [rad]."""
+    zero_rad: float = 0.0
+    """Angle by which the drive counts the joint's from another zero: its own sensor, and the one of
+    policies and logs, read so much more [rad]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -152,8 +155,6 @@ class Encoder:
     """Error once per turn: the part that goes as the cosine of the angle [rad]."""
     eccentricity_sine_rad: float = 0.0
     """The part of it that goes as the sine, a quarter turn on [rad]."""
-    zero_rad: float = 0.0
-    """Angle by which this sensor and the motor's own both read more than the joint has [rad]."""
 
 
 @dataclass(frozen=True, kw_only=True)

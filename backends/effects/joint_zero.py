@@ -19,11 +19,11 @@ class Effect(NumberEffect):
       targets; gravity-tilt, which is the same at a first joint; payload, beside other masses.
     """
 
-    group = "sensing"
+    group = "drive"
     dimension, unit = "angle", "deg"
     bounds = (-math.pi, math.pi)
     levels, opposite = (0.05, 0.1, 0.25), (-0.05, -0.1, -0.25)
-    number = "encoder.zero_rad"
+    number = "drive.zero_rad"
     by_weight = True
     narrow_as = "gravity-tilt"
     least = 0.01

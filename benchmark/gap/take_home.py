@@ -33,7 +33,7 @@ WRITTEN = {
     "drive.play_rad": ("range of the play", "rad", "m"),
     "drive.spring_nm_rad": ("stiffness", "Nm/rad", "N/m"),
     "drive.spring_rest_rad": ("springref", "rad", "m"),
-    "encoder.zero_rad": ("ref", "rad", "m"),
+    "drive.zero_rad": ("ref", "rad", "m"),
     "drive.end_stop_rad": ("end stop inside of the range", "rad", "m"),
 }
 """Numbers that an MJCF has: their names there, and their units of hinges and slides."""

@@ -44,7 +44,7 @@ COULOMB, VISCOUS, STICTION, LOAD, ONE_WAY = _at(
 COGGING, PERIOD, PHASE = _at("drive", "cogging_nm", "cogging_period_rad", "cogging_phase_rad")
 SLIDING, BRISTLE = _at("drive", "presliding_nm", "presliding_rad")
 STOP, FIRM = _at("drive", "end_stop_rad", "end_stop_nm_rad")
-SPRING, REST = _at("drive", "spring_nm_rad", "spring_rest_rad")
+SPRING, REST, ZERO = _at("drive", "spring_nm_rad", "spring_rest_rad", "zero_rad")
 PLAY, STIFFNESS, TEETH, LOCK = _at(
     "drive", "play_rad", "gear_stiffness_nm_rad", "gear_damping_nms_rad", "lock_nm"
 )
@@ -54,7 +54,6 @@ FILTER, LAG, LEAD, HOLD = _at("loop", "filter_s", "lag_s", "lead", "hold_s")
 UNLIMITED, PROFILE, OPEN, SOFT = _at("loop", "unlimited", "profile_rad_s2", "open", "soft_friction")
 BIAS, SCALE, LATE = _at("encoder", "bias_rad", "scale_error", "delay_s")
 ONCE, ACROSS = _at("encoder", "eccentricity_rad", "eccentricity_sine_rad")
-(ZERO,) = _at("encoder", "zero_rad")
 MASS, PAYLOAD, CARRIED = _at("body", "mass_kg", "payload", "carried")
 LINK = tuple(n for n, name in enumerate(COLUMNS) if name.startswith("body."))
 TWO_MASSES = COLUMNS.index("two_masses")

@@ -269,7 +269,7 @@ def numbers_of(spec: Spec) -> dict[str, JointNumbers]:
             play=drive.play_rad,
             stiffness=drive.spring_nm_rad,
             rest=drive.spring_rest_rad,
-            zero=body.joint.encoder.zero_rad,
+            zero=drive.zero_rad,
             ends=(low - min(inside, 0.0), high - max(inside, 0.0)) if inside else None,
         )
     return found

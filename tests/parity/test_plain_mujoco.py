@@ -131,7 +131,7 @@ episodes:
         {"drive.coulomb_nm": 0.8, "loop.soft_friction": 1.0},
         {"body.carried": 0.5},
         {"drive.spring_nm_rad": 20.0, "drive.spring_rest_rad": 0.4},
-        {"drive.spring_nm_rad": 20.0, "encoder.zero_rad": -0.3},
+        {"drive.spring_nm_rad": 20.0, "drive.zero_rad": -0.3},
     ],
     ids=" ".join,
 )
