@@ -152,6 +152,9 @@ def _torque(limb: Limb) -> Array:
     for ticks in limb.ticks(limb.nominal):
         if ticks is not None:
             asked = np.maximum(asked, np.abs(ticks[:, 2]).max(axis=0))
+    if limb.reads_carried:
+        shown = np.nanmax(np.abs(limb.simulate(limb.nominal)[:, 2]), axis=0)
+        asked = np.maximum(asked, np.nan_to_num(shown))
     limit = limb.nominal[:, LIMIT]
     return np.maximum(np.minimum(limit, np.where(asked > 0, 1.5 * asked, limit)), SURE_NOISE)
 

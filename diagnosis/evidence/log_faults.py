@@ -132,12 +132,15 @@ def absurd(readings: Array) -> Array:
 def _with_plausible_torques(limb: Limb) -> tuple[Limb, Sequence[str]]:
     """The limb, as its torques were read, without those that cannot be its drives'.
 
-    Our own simulators' are of the period until their samples. Changes tell it, for most faults
-    change slowly.
+    Whether what drives carry of the weight is among them tells their size. Our own simulators' are
+    of the period until their samples; else changes tell it, for most faults change slowly.
     """
     measured = limb.measured[:, TORQUE]
     if not np.isfinite(measured).any():
         return limb, ()
+    if any(body.carried for body in limb.spec.hand.driven):
+        ways = [limb.alike(reads_carried=reads) for reads in (False, True)]
+        limb = min(ways, key=lambda one: _off(one, measured))
     most = np.nanmax(np.abs(measured), axis=0, initial=1e-12)
     reads = (UNTIL,) if limb.exact else (UNTIL, THEN, FROM)
     ways = [limb.alike(torque_read=read) for read in reads]
@@ -170,6 +173,11 @@ def _with_plausible_torques(limb: Limb) -> tuple[Limb, Sequence[str]]:
             dropped[TORQUE, j] = True
             notes.append(f"the torque of {name} is {what} and left out")
     return (_without(limb, [dropped] * len(limb.recordings)) if notes else limb), notes
+
+
+def _off(limb: Limb, torques: Array) -> float:
+    """How far a limb's nominal torques are from those that were read (N, K)."""
+    return float(np.nansum(np.abs(limb.simulate(limb.nominal)[:, TORQUE] - torques)))
 
 
 def _alike(torques: Array, expected: Sequence[Array]) -> float:

@@ -19,6 +19,7 @@ from diagnosis.motion.integrate import UNTIL, integrate, sense
 from diagnosis.motion.recordings import CHANNELS, Recording
 from diagnosis.replay.dynamics import (
     POSES,
+    carried,
     dynamics,
     holding,
     is_closed,
@@ -66,6 +67,8 @@ class Limb:
     engine would, instead of along the measured motion. Where play rattles, only that follows."""
     torque_read: int = UNTIL
     """Which torque a sample has: `UNTIL`, `THEN` or `FROM`."""
+    reads_carried: bool = False
+    """Whether it has the torque that drives carry weight with beside their laws."""
 
     @cached_property
     def joints(self) -> tuple[str, ...]:
@@ -323,7 +326,29 @@ class Limb:
                 given = at_motor, self.torque_read, numbers, self.dt
                 sense(ticks, at, ends, *given, shown)
             found.append(shown)
-        return np.concatenate(found)
+        every = np.concatenate(found)
+        if self.reads_carried:
+            every[:, 2] += self._carried(numbers[:, c.LINK].tobytes(), edges or self.edges)
+        return every
+
+    @cached_property
+    def _carried(self) -> Callable[[bytes, Sequence[Array]], Array]:
+        """Torques (N, K) by which drives with loads (K, len(LINK)) carry weight along the motion.
+
+        Block means, between the edges of all episodes.
+        """
+        spec, every = self.spec, [unread(_filled(r), self.nominal) for r in self.recordings]
+
+        @lru_cache(2)
+        def torques(load: bytes, edges: tuple[bytes, ...]) -> Array:
+            rows = np.frombuffer(load).reshape(len(spec.drives), -1)
+            pairs = zip(spec.hand.driven, rows, strict=True)
+            world = spec.with_driven(c.with_load(body, row) for body, row in pairs)
+            ends = (np.frombuffer(one, dtype=int) for one in edges)
+            q = [block_means(x, one) for x, one in zip(every, ends, strict=True)]
+            return carried(world, np.concatenate(q))
+
+        return lambda load, edges: torques(load, tuple(one.tobytes() for one in edges))
 
     @property
     def every_sample(self) -> list[Array]:

@@ -99,6 +99,14 @@ def holding(spec: Spec, q: Array) -> Array:
     return bias_torques(spec, q, np.zeros_like(q)) + springs(spec, q)
 
 
+def carried(spec: Spec, q: Array) -> Array:
+    """Torques (P, J) by which drives carry weight beside their laws, at q (P, J)."""
+    links = _links(spec)
+    share = 1.0 - links.weight
+    gravity, still = np.array(spec.gravity_m_s2, dtype=float), np.zeros_like(q)
+    return _torques(links._replace(weight=share), gravity, q, still, still)
+
+
 def weights(spec: Spec, q: Array) -> Array:
     """Bias torques at rest by axis of a gravity of one [Nm/(m/s^2)], shape (P, J, 3)."""
     return _weights(_links(spec), q)
