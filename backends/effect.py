@@ -148,6 +148,10 @@ class Effect(ABC):
     shared: ClassVar[bool] = False
     """All joints may have the same of it, as what a bus does to all its drives."""
 
+    unsaid: ClassVar[bool] = False
+    """Whether files often say nothing of it: then all joints may have some, each as much as it has,
+    as one cause."""
+
     whole: ClassVar[float] = 1.0
     """From one side to the other it is so many times its magnitude."""
     slips: ClassVar[bool] = False

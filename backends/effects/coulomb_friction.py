@@ -25,4 +25,5 @@ class Effect(NumberEffect):
     least = 0.008
     most = 3.0
     family = "dry friction"
+    unsaid = True
     near = ("stiction", "load-friction", "self-lock")

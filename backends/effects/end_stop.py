@@ -25,6 +25,7 @@ class Effect(NumberEffect):
     bounds = (-math.pi / 2, math.pi / 2)
     levels, opposite = (0.7, 0.78, 0.86), (-0.7, -0.78, -0.86)
     number = "drive.end_stop_rad"
+    spot = ("drive.end_stop_nm_rad",)
     coordinate = "reach"
     least = 0.004
     most = 1.5

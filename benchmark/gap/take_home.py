@@ -215,6 +215,8 @@ def _change(
     before = float(table(nominal, True)[j, COLUMNS.index(kind.number)])
     after = corrected[kind.number]
     sd = (one.high - one.low) / SPREAD if isinstance(one, Cause) else one.sd
+    if isinstance(one, Cause) and one.joint is None and kind.unsaid and one.value:
+        sd *= (after - before) / one.sizes[0]  # each joint has its own size
     share = UNITS[one.unit][0] == "share" and (kind.relative or kind.coordinate == "logarithm")
     number, turning, sliding = HELD[kind.number]
     unit = sliding if nominal.hand.driven[j].joint.slides else turning

@@ -33,6 +33,8 @@ NAMELESS = r"Unnamed: \d+$"
 LIST = re.compile(r"\[[-+\d.eE,\s]+\]")
 """What a list of numbers is, as text."""
 LISTS = list, tuple, np.ndarray
+NUMBERED, NAMED = re.compile(r"(.*\D)(\d+)"), re.compile(r"(?:^|[._])(?:joint_)?names?$")
+"""Entries of lists in columns of their own, and what such columns are called that name joints."""
 NAMES = "joint_list.txt"
 """A file beside a table that names the entries of its lists, a line each, as SAGE writes it."""
 MOST_LISTED = 200
@@ -65,7 +67,7 @@ def read_table(path: Path) -> tuple[pd.DataFrame, str]:
         raise LogError(f"no file {path}; give the table of the recording") from None
     if not len(frame):
         raise LogError(f"{path} has no rows; it should hold a header and a row per sample")
-    return _expanded(path, frame), form
+    return _by_joint(_expanded(path, frame)), form
 
 
 def _in_utf8(path: Path) -> bytes:
@@ -110,15 +112,16 @@ def _names(path: Path, lines: Sequence[str], first: int, separator: str) -> tupl
     A comment may hold the names, a second line units or the rest of the names.
     """
     names, begins = _cells(lines[first], separator), first + 1
-    if any(names) and all(VALUE.match(name) for name in names if name):
+    if VALUE.match(names[0] if names else ""):
         last = COMMENT.sub("", lines[first - 1]) if first else ""
         every = (_cells(last, one) for one in (separator, *SEPARATORS))
         said = next((one for one in every if len(one) == len(names)), None)
-        if said is None:
-            raise LogError(
-                f"the first line of {path} holds numbers; write the names of its columns there"
-            )
-        return said, first
+        if said is not None:
+            return said, first
+    if any(names) and all(VALUE.match(name) for name in names if name):
+        raise LogError(
+            f"the first line of {path} holds numbers; write the names of its columns there"
+        )
     cells = _cells(lines[begins], separator)
     if len(cells) == len(names) and any(cells) and not any(map(VALUE.match, cells)):
         for k, cell in enumerate(cells):
@@ -174,6 +177,28 @@ def _expanded(path: Path, frame: pd.DataFrame) -> pd.DataFrame:
         for name, values in zip(entries, np.stack(rows).T, strict=False):
             found[f"{column}.{name}"] = values
     return pd.DataFrame(found)
+
+
+def _by_joint(frame: pd.DataFrame) -> pd.DataFrame:
+    """The table with joints' names for numbers in those of its columns.
+
+    Where columns such as 'joint_names0' hold a name each, as ROS writes messages in cells.
+    """
+    listed = {name: NUMBERED.fullmatch(str(name)) for name in frame}
+    said = {
+        match[2]: str(frame[name].iloc[0])
+        for name, match in listed.items()
+        if match and NAMED.search(match[1]) and frame[name].nunique() == 1
+    }
+    kept = [n for n, match in listed.items() if not (match and NAMED.search(match[1]))]
+    if len(said) < 2 or len(set(said.values())) < len(said):
+        return frame
+    found = frame[kept]
+    found.columns = [
+        f"{match[1]}.{said[match[2]]}" if (match := listed[n]) and match[2] in said else n
+        for n in kept
+    ]
+    return found
 
 
 def _feature_names(path: Path) -> dict[str, list[str]]:

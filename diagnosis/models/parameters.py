@@ -67,12 +67,23 @@ class _Spot(NumberEffect):
     either_sign = True
 
 
+class _Stiffness(_Spot):
+    """How much stiffer what is in a joint's way is than it seems."""
+
+    coordinate = "logarithm"
+
+
 TERMS: Catalogue = {"ki": _Integral, "speed_integral": _SpeedIntegral}
 """Nominal numbers that no effect changes, by their names in log.yaml."""
 OWN = 0.4
 """Standard deviation of the share of its model's own simulator that a log has: at most all."""
 SPOT = 0.5
 """Standard deviation of where a load or a spring acts, in units of `_spots`."""
+APART = 0.05
+"""Standard deviation by which joints differ in an effect that no file says, in natural sizes."""
+FIRM, GUESS = 3.0, 1.5
+"""A stop's stiffness over the servo's, where a log does not show it before its size, and the
+standard deviation of its logarithm."""
 TURNS = 3.0
 """Where a spring rests [rad, or a slide's travels], in natural units."""
 LATE_SHARE = 0.03
@@ -158,6 +169,8 @@ def parameters(
         if kind.shared and len(evidence.joints) > 1 and own:
             least = max(one.least for one in own)
             found.append(replace(own[0], joint=None, tolerance=0.0, unit=1.0, least=least))
+        if kind.unsaid and len(own) > 1:
+            found += _unsaid(own, len(found), evidence)
     found += [_OWN_STEPS] * bool(evidence.own_steps.any())
     found += [_SOFT_FRICTION] * evidence.limb.rigid
     return tuple(found)
@@ -169,15 +182,29 @@ def _spots(one: Parameter, number: int, evidence: Evidence) -> Iterator[Paramete
         reach_m = evidence.limb.spec.hand.driven[one.joint].reach_m
         for name in one.kind.spot:
             place = c.COLUMNS.index(name)
+            firm = place == c.FIRM
             yield replace(
                 one,
-                kind=_Spot,
+                kind=_Stiffness if firm else _Spot,
                 place=place,
                 unit=reach_m if place in c.LINK else TURNS * evidence.size[one.joint],
-                tolerance=SPOT,
+                onset=0.0,
+                beside=(),
+                tolerance=GUESS if firm else SPOT,
                 least=_Spot.least,
                 nameable=False,
                 part_of=number,
+            )
+
+
+def _unsaid(own: Sequence[Parameter], number: int, evidence: Evidence) -> Iterator[Parameter]:
+    """An effect that no joint has by its file: on all of them, and by how much they differ."""
+    one = own[0]
+    if evidence.limb.rigid and not evidence.limb.nominal[:, one.place].any():
+        yield replace(one, joint=None, tolerance=0.0, unit=float(np.mean(evidence.torque)))
+        for each in own:
+            yield replace(
+                each, kind=_Spot, tolerance=APART, least=_Spot.least, nameable=False, part_of=number
             )
 
 
@@ -190,7 +217,8 @@ def _as_seen(one: Parameter, limb: Limb, ripple: Array, stops: Sequence[Blocked]
         return replace(one, beside=tuple(zip((c.PERIOD, c.PHASE), ripple[one.joint], strict=True)))
     if one.kind.coordinate == "reach":
         stop, teeth = stops[one.joint], float(limb.nominal[one.joint, c.STIFFNESS])
-        firm = stop.stiffness_nm_rad if limb.rigid else min(stop.stiffness_nm_rad, teeth)
+        firm = stop.stiffness_nm_rad or FIRM * float(limb.servo[0, one.joint])
+        firm = firm if limb.rigid else min(firm, teeth)
         return replace(
             one,
             unit=stop.side,

@@ -66,7 +66,9 @@ class World:
             elif one.kind.coordinate == "compliance":
                 soft[rows] += value * one.unit
             else:
-                numbers[rows, one.place] += one.onset + value * one.unit
+                own = one.joint is None and one.kind.dimension == "torque"
+                unit = self.evidence.torque if own else one.unit
+                numbers[rows, one.place] += one.onset + value * unit
         known, mass = limb.nominal[:, c.MASS], numbers[:, c.MASS]
         numbers[:, c.CARRIED] *= np.divide(known, mass, out=np.ones_like(mass), where=mass > 0.0)
         numbers[:, POSITIVE] = np.maximum(numbers[:, POSITIVE], 0.0)

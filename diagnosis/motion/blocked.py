@@ -21,7 +21,7 @@ LEAST_BLOCKS, SPAN = 5, 0.2
 """The stiffness shows in so many blocks where it is held, whose x differ by this share of the most
 that it falls short."""
 YIELDS = (1e-3, 0.5)
-"""Least and largest r that are taken."""
+"""Smaller and larger r say nothing of the stiffness: another law than the servo's holds it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,8 +58,9 @@ def _blocked(limb: Limb, joint: int, shown: Array, read: Array) -> Blocked:
     held = (x - y > HELD * short) & (rate_s < STILL_HZ * np.ptp(y))
     stiffness = 0.0
     if held.sum() >= LEAST_BLOCKS and np.ptp(x[held]) > SPAN * short:
-        yields = float(np.clip(np.polyfit(x[held], y[held], 1)[0], *YIELDS))
-        stiffness = float(limb.servo[0, joint]) * (1.0 / yields - 1.0)
+        yields = float(np.polyfit(x[held], y[held], 1)[0])
+        if YIELDS[0] <= yields <= YIELDS[1]:
+            stiffness = float(limb.servo[0, joint]) * (1.0 / yields - 1.0)
     return Blocked(
         side=side,
         inside_rad=max(end - float(x.max()), 0.0),

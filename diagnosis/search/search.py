@@ -52,7 +52,8 @@ PART = 0.05
 SHAPED = 0.3
 """Another effect of a cause's family gives its law more shape if it takes so much of the rest."""
 OWN = 1.25
-"""An effect that all joints share leaves so many times less [squared] than one on a joint alone."""
+"""An effect that all joints share leaves so many times less [squared] than one on a joint alone;
+so many times again for each size that it has."""
 LOADS = MASS, PAYLOAD, ZERO
 """What shows on other joints as on its own."""
 SENSOR = 1.5
@@ -124,7 +125,8 @@ class Search:
     @cached_property
     def guessed(self) -> list[int]:
         """Nominal numbers that are guesses."""
-        return [k for k, p in enumerate(self.parameters) if p.tolerance >= GUESSED]
+        wide = [k for k, p in enumerate(self.parameters) if p.tolerance >= GUESSED]
+        return [k for k in wide if self.parameters[k].part_of is None]
 
     @cached_property
     def nominal(self) -> Fit:
@@ -476,7 +478,9 @@ def ranked(fitter: Fitter, fits: Sequence[Fit]) -> list[Fit]:
     def rank(fit: Fit) -> tuple[float, int, float]:
         chosen = [fitter.parameters[k] for k in fit.freed]
         exact = sum(p.kind.exact for p in chosen)
-        shared = sum(p.joint is None and p.kind.per_joint for p in chosen)
+        common = [k for k in fit.freed if fitter.parameters[k].joint is None]
+        own = with_parts(fitter.parameters, common)
+        shared = sum(fitter.parameters[k].kind.per_joint for k in own)
         times = SENSOR**exact * OWN**shared * WIDER ** _wider(chosen)
         ended = sum(abs(fit.u.get(k, 0.0)) > END * fitter.parameters[k].most for k in fit.freed)
         return times * fit.excess, ended, times * (nats[id(fit)] - fit.prior) + fit.prior

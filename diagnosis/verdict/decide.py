@@ -8,7 +8,7 @@ import numpy as np
 from backends.effect import UNITS
 from diagnosis.models.loops import is_term, said
 from diagnosis.models.parameters import Parameter, magnitude
-from diagnosis.motion.columns import DELAY, LATE
+from diagnosis.motion.columns import DELAY, LATE, STOP
 from diagnosis.search.fit import Fit, Fitter
 from diagnosis.search.search import TIE_SHARE, Found
 from diagnosis.verdict import probability as curve
@@ -128,9 +128,11 @@ def _away(fitter: Fitter, fit: Fit, number: int, off: float) -> str:
     `off`: the share that laws are off by, beside the standard deviation.
     """
     one, parts = fitter.parameters[number], fitter.parameters
-    if one.joint is None or not one.kind.spot or fit.u[number] < 0.0:
-        return ""
     limb, spots = fitter.evidence.limb, [k for k, p in enumerate(parts) if p.part_of == number]
+    if one.joint is None and spots:
+        return _by_joint(fitter, fit, one)
+    if one.joint is None or not one.kind.spot or one.place == STOP or fit.u[number] < 0.0:
+        return ""
     at = limb.nominal[one.joint, [parts[k].place for k in spots]]
     at = at + [parts[k].unit * fit.u.get(k, 0.0) for k in spots]
     sds = np.array([parts[k].unit * fit.sd.get(k, parts[k].tolerance) for k in spots])
@@ -141,6 +143,15 @@ def _away(fitter: Fitter, fit: Fit, number: int, off: float) -> str:
     away_m = float(np.linalg.norm(at))
     sd = np.hypot(np.linalg.norm(at * sds) / max(away_m, 1e-9), off * away_m)
     return f"{1e3 * away_m:.3g} ± {1e3 * sd:.2g} mm from its joint"
+
+
+def _by_joint(fitter: Fitter, fit: Fit, one: Parameter) -> str:
+    """How much of it every joint has, in words."""
+    numbers, found = fitter.numbers(fit.u)[0][:, one.place], list[str]()
+    for j, name in enumerate(fitter.evidence.joints):
+        unit = one.kind.unit_of(numbers[j], fitter.evidence.place(j).slides)
+        found.append(f"{numbers[j] / UNITS[unit][1]:.3g} {unit} on {name}")
+    return ", ".join(found)
 
 
 def _magnitude(fitter: Fitter, one: Parameter, u: float) -> float:
@@ -163,10 +174,11 @@ def _ranked(fitter: Fitter, found: Found, best: Fit) -> Iterator[Ranked]:
 
 
 def _nominal(fitter: Fitter, fit: Fit) -> Iterator[Nominal]:
-    """Numbers of the mechanism's file that took part of the gap."""
+    """Numbers of the mechanism's file that took part of the gap, beside what causes change."""
+    common = {fitter.parameters[k].effect for k in fit.freed if fitter.parameters[k].joint is None}
     for k, one in enumerate(fitter.parameters):
         u = fit.u.get(k, 0.0)
-        is_own = k in fit.freed or one.part_of is not None
+        is_own = k in fit.freed or one.part_of is not None or one.effect in common
         if u and not is_own and abs(u) >= MOVED * one.tolerance:
             ends = (u, u + fit.sd.get(k, one.tolerance))
             if one.kind.coordinate == "logarithm":
