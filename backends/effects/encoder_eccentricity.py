@@ -27,6 +27,7 @@ class Effect(NumberEffect):
     levels, opposite = (0.004, 0.012, 0.04), (-0.004, -0.012, -0.04)
     hinges_only = True
     number = "encoder.eccentricity_rad"
+    spot = ("encoder.eccentricity_sine_rad",)
     least = 0.002
     most = 0.08
     either_sign = True

@@ -84,8 +84,8 @@ APART = 0.05
 FIRM, GUESS = 3.0, 1.5
 """A stop's stiffness over the servo's, where a log does not show it before its size, and the
 standard deviation of its logarithm."""
-TURNS = 3.0
-"""Where a spring rests [rad, or a slide's travels], in natural units."""
+TURNS, ONCE_RAD = 3.0, 0.1
+"""Units of where a spring rests [rad, or a slide's travels], and of what goes once per turn."""
 LATE_SHARE = 0.03
 """Commands are late by so much of a log's period anyway."""
 
@@ -177,9 +177,10 @@ def parameters(
 
 
 def _spots(one: Parameter, number: int, evidence: Evidence) -> Iterator[Parameter]:
-    """Where an effect acts, as parameters of its law: from its link's end on, or of its joint."""
+    """Where an effect acts, on its link, joint or turn, as parameters of its law."""
     if one.joint is not None and one.nameable:
         reach_m = evidence.limb.spec.hand.driven[one.joint].reach_m
+        units = {c.REST: TURNS * evidence.size[one.joint], c.ACROSS: ONCE_RAD}
         for name in one.kind.spot:
             place = c.COLUMNS.index(name)
             firm = place == c.FIRM
@@ -187,7 +188,7 @@ def _spots(one: Parameter, number: int, evidence: Evidence) -> Iterator[Paramete
                 one,
                 kind=_Stiffness if firm else _Spot,
                 place=place,
-                unit=reach_m if place in c.LINK else TURNS * evidence.size[one.joint],
+                unit=units.get(place, reach_m),
                 onset=0.0,
                 beside=(),
                 tolerance=GUESS if firm else SPOT,

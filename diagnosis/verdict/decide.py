@@ -8,7 +8,7 @@ import numpy as np
 from backends.effect import UNITS
 from diagnosis.models.loops import is_term, said
 from diagnosis.models.parameters import Parameter, magnitude
-from diagnosis.motion.columns import DELAY, LATE, STOP
+from diagnosis.motion.columns import DELAY, LATE, ONCE, STOP
 from diagnosis.search.fit import Fit, Fitter
 from diagnosis.search.search import TIE_SHARE, Found
 from diagnosis.verdict import probability as curve
@@ -136,6 +136,10 @@ def _away(fitter: Fitter, fit: Fit, number: int, off: float) -> str:
     at = limb.nominal[one.joint, [parts[k].place for k in spots]]
     at = at + [parts[k].unit * fit.u.get(k, 0.0) for k in spots]
     sds = np.array([parts[k].unit * fit.sd.get(k, parts[k].tolerance) for k in spots])
+    if one.place == ONCE:
+        across = fit.u[number] * one.unit, float(at[0])
+        turn, amplitude = np.degrees([np.arctan2(*across[::-1]), np.hypot(*across)])
+        return f"{amplitude:.3g} deg once per turn, most at {turn:.3g} deg"
     if not one.kind.is_of("body"):
         unit = "mm" if limb.spec.hand.driven[one.joint].joint.slides else "deg"
         where, sd = (float(x) / UNITS[unit][1] for x in (at[0], np.hypot(sds[0], off * at[0])))
