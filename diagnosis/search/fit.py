@@ -27,6 +27,8 @@ DAMPINGS = (1.0, 0.4, 0.12)
 DONE, DONE_SHARE, DONE_EXACT = 0.02, 3e-3, 1e-4
 """A fit ends when a step wins less than this and this share of the cost; where the law is exact,
 single nats count."""
+HALVED = 4
+"""So often an effect is halved with which the motion diverges."""
 FITS, FAR, CLOSED = 4, 3.0, 0.15
 """Tolerances are fitted on at most so often, beyond a gap of so many floors, while a fit closes
 this share of the excess."""
@@ -133,6 +135,11 @@ class Fitter(World):
         known = {k: s for k, s in (slopes or {}).items() if k not in own}
         columns = [k for k in u if u[k] and self.is_column(k, freed)]
         base = self.bare(u, freed)
+        for _ in range(HALVED):
+            if np.isfinite(base).all():
+                break
+            u |= {k: u[k] / 2.0 for k in freed if k in u}
+            base = self.bare(u, freed)
         needed = dict.fromkeys((*problem.numbers, *columns))
         known |= self.slopes([k for k in needed if k not in known], u, freed, base, over)
         shown = base + self._columns(u, freed, known)
