@@ -69,14 +69,14 @@ def drive_tick(
         share = _NONE
         if limit > _NONE:
             share = pd_nm[n, j] / limit
-        heat = numbers[n, j, 27]
+        heat = numbers[n, j, 28]
         heat += dt / wp.where(p[21] > _NONE, p[21], _WARM) * (share * share - heat)
-        numbers[n, j, 27] = heat
+        numbers[n, j, 28] = heat
         cog -= wp.min(p[20] * heat, _MOST) * pd_nm[n, j]
     if p[22] > _NONE:  # bristles
         slid = dt * speed / wp.where(p[23] > _NONE, p[23], _BRISTLE)
-        bend = (numbers[n, j, 28] + slid) / (wp.float64(1.0) + wp.abs(slid))
-        numbers[n, j, 28] = bend
+        bend = (numbers[n, j, 29] + slid) / (wp.float64(1.0) + wp.abs(slid))
+        numbers[n, j, 29] = bend
         cog -= p[22] * bend
     gap = motor[n, j] - joint
     press = gap + play
@@ -94,6 +94,7 @@ def drive_tick(
         pd = high
     if pd < low:
         pd = low
+    cog -= p[27] * pd
     friction = coulomb + load * wp.abs(gear) + rub
     speed += dt / inertia * (pd + cog - gear - viscous * speed)
     friction += wp.max(wp.where(speed > _NONE, way, -way), _NONE)

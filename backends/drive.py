@@ -12,7 +12,7 @@ which push once the play between them is taken up:
     tau      = tau_gear - spring (joint - rest)
                - k_s (joint + joint' dt / 2 - stop),                 beyond a stop; it only pushes
 
-    tau_mem  = -fade heat tau_pd - presliding z
+    tau_mem  = -(weakness + fade heat) tau_pd - presliding z
     heat'    = ((tau_pd / limit)^2 - heat) / T,    z' = (motor' - |motor'| z) / d,    |z| <= 1
 
 Friction and the worm's self-lock act on the rotor's momentum after the free update. So they can
@@ -57,7 +57,8 @@ _STOP, _FIRM = COLUMNS.index("end_stop_rad"), COLUMNS.index("end_stop_nm_rad")
 _FADE, _WARM = COLUMNS.index("thermal_fade"), COLUMNS.index("thermal_s")
 _SLIDING, _BRISTLE = COLUMNS.index("presliding_nm"), COLUMNS.index("presliding_rad")
 _SPRING, _REST = COLUMNS.index("spring_nm_rad"), COLUMNS.index("spring_rest_rad")
-EXTRAS = (_STICTION, _DEAD, _WAY, _FALL, _COGGING, _FIRM, _FADE, _SLIDING, _SPRING)
+_WEAK = COLUMNS.index("weakness")
+EXTRAS = (_STICTION, _DEAD, _WAY, _FALL, _COGGING, _FIRM, _FADE, _SLIDING, _SPRING, _WEAK)
 """Places of the numbers of a drive that few robots have: a step without them is shorter."""
 
 
@@ -104,7 +105,7 @@ def remembered(speed, pd, dt, limit, fade, warm_s, sliding, bristle, heat, bend)
 
 @numba.njit(cache=True)
 def _extra(motor, speed, pd, p, dt):
-    """Stiction of a drive with the numbers `p` (29,), and its torques of cogging and memory [Nm].
+    """Stiction of a drive with the numbers `p` (30,), and its torques of cogging and memory [Nm].
 
     Its memory is written.
     """
@@ -118,7 +119,7 @@ def _extra(motor, speed, pd, p, dt):
 
 @numba.njit(cache=True, error_model="numpy", forceinline=True)
 def motor_tick(target, joint, joint_speed, motor, speed, pd, p, dt, extra=True):
-    """Step one joint's drive by one period `dt`, with its numbers `p` (29,) of a `drive_table`.
+    """Step one joint's drive by one period `dt`, with its numbers `p` (30,) of a `drive_table`.
 
     `pd` is the last PD torque; `extra`: whether it may have one of the `EXTRAS`. Returns the
     motor's new angle and speed, its PD torque and the torque on the joint.
@@ -137,6 +138,7 @@ def motor_tick(target, joint, joint_speed, motor, speed, pd, p, dt, extra=True):
         lost, lead = p[_FALL] * speed, _shrink(lead, p[_DEAD])
         high, low = limit - min(max(lost, 0.0), limit), min(max(-lost, 0.0), limit) - limit
     pd = min(max(kp * lead - kd * speed, low), high)
+    cog -= p[_WEAK] * pd if extra else 0.0
     friction = coulomb + load * abs(gear) + rub
     speed += dt / inertia * (pd + cog - gear - viscous * speed)
     if extra:
@@ -154,7 +156,7 @@ def motor_tick(target, joint, joint_speed, motor, speed, pd, p, dt, extra=True):
 
 @numba.njit(cache=True, error_model="numpy")
 def drive_step(target, joint, joint_speed, motor, motor_speed, p, dt, extra, pd, gear):
-    """`motor_tick` for arrays (N, J); `p` (N, 29, J) holds the numbers of all drives."""
+    """`motor_tick` for arrays (N, J); `p` (N, 30, J) holds the numbers of all drives."""
     for n in range(target.shape[0]):
         for j in range(target.shape[1]):
             rotor = motor[n, j], motor_speed[n, j], pd[n, j]
@@ -164,7 +166,7 @@ def drive_step(target, joint, joint_speed, motor, motor_speed, p, dt, extra, pd,
 
 
 def drive_table(spec: Spec) -> Array:
-    """The numbers of all drives in the order of their fields, then an empty `MEMORY`, (J, 29).
+    """The numbers of all drives in the order of their fields, then an empty `MEMORY`, (J, 30).
 
     Of end stops not how far inside they stand, but where; and the stiffness as `stops` says.
     """

@@ -83,6 +83,8 @@ class Drive:
     zero_rad: float = 0.0
     """Angle by which the drive counts the joint's from another zero: its own sensor, and the one of
     policies and logs, read so much more [rad]."""
+    weakness: float = 0.0
+    """Share of the torque that is asked of the motor, and read, that it does not give [1]."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -24,6 +24,7 @@ WRITTEN = {
     "drive.kp_nm_rad": ("kp", "Nm/rad", "N/m"),
     "drive.kd_nms_rad": ("kv", "Nms/rad", "Ns/m"),
     "drive.torque_limit_nm": ("forcerange", "Nm", "N"),
+    "drive.weakness": ("what lacks of kp, kv and forcerange", "of each", "of each"),
     "drive.rotor_inertia_kgm2": ("armature", "kg m²", "kg"),
     "drive.viscous_nms_rad": ("damping", "Nms/rad", "Ns/m"),
     "drive.coulomb_nm": ("frictionloss", "Nm", "N"),

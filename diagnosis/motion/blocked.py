@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from backends.state import Array
+from diagnosis.motion.columns import LIMIT
 from diagnosis.motion.limb import BLOCK_S, Limb
 
 HELD, STILL_HZ = 0.3, 0.05
@@ -21,7 +22,7 @@ LEAST_BLOCKS, SPAN = 5, 0.2
 """The stiffness shows in so many blocks where it is held, whose x differ by this share of the most
 that it falls short."""
 YIELDS = (1e-3, 0.5)
-"""Smaller and larger r say nothing of the stiffness: another law than the servo's holds it."""
+"""Least and largest r that are taken."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,11 +57,12 @@ def _blocked(limb: Limb, joint: int, shown: Array, read: Array) -> Blocked:
     short = float(x.max() - y.max())
     rate_s = np.abs(np.gradient(y)) / max(BLOCK_S, limb.period_s)
     held = (x - y > HELD * short) & (rate_s < STILL_HZ * np.ptp(y))
+    kp, limit = float(limb.servo[0, joint]), float(limb.nominal[joint, LIMIT])
+    held &= kp * (x - y) < limit  # beyond, the limit holds it where it is
     stiffness = 0.0
     if held.sum() >= LEAST_BLOCKS and np.ptp(x[held]) > SPAN * short:
-        yields = float(np.polyfit(x[held], y[held], 1)[0])
-        if YIELDS[0] <= yields <= YIELDS[1]:
-            stiffness = float(limb.servo[0, joint]) * (1.0 / yields - 1.0)
+        yields = float(np.clip(np.polyfit(x[held], y[held], 1)[0], *YIELDS))
+        stiffness = kp * (1.0 / yields - 1.0)
     return Blocked(
         side=side,
         inside_rad=max(end - float(x.max()), 0.0),

@@ -44,7 +44,7 @@ COULOMB, VISCOUS, STICTION, LOAD, ONE_WAY = _at(
 COGGING, PERIOD, PHASE = _at("drive", "cogging_nm", "cogging_period_rad", "cogging_phase_rad")
 SLIDING, BRISTLE = _at("drive", "presliding_nm", "presliding_rad")
 STOP, FIRM = _at("drive", "end_stop_rad", "end_stop_nm_rad")
-SPRING, REST, ZERO = _at("drive", "spring_nm_rad", "spring_rest_rad", "zero_rad")
+SPRING, REST, ZERO, WEAK = _at("drive", "spring_nm_rad", "spring_rest_rad", "zero_rad", "weakness")
 PLAY, STIFFNESS, TEETH, LOCK = _at(
     "drive", "play_rad", "gear_stiffness_nm_rad", "gear_damping_nms_rad", "lock_nm"
 )

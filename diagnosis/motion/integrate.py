@@ -168,7 +168,7 @@ def integrate(
     yielding, slides_on = p[:, c.SOFT] * soft, 1.0 - dt / np.maximum(p[:, c.SOFT] * YIELD_S, dt)
     for j in range(joints):
         pressed[j] = p[j, c.SPRING] * (q[j] - p[j, c.REST])
-        lagged[j] = bias[0, j] + pressed[j] - push[0, j]
+        lagged[j] = (bias[0, j] + pressed[j] - push[0, j]) / (1.0 - p[j, c.WEAK])
         if p[j, c.INTEGRAL] > 0.0 or p[j, c.CASCADE] > 0.0:
             total[j] = lagged[j] - (1.0 - p[j, c.OPEN]) * p[j, c.KP] * (command[0, j] - q[j])
     inverse = np.zeros((joints, joints))
@@ -227,10 +227,12 @@ def integrate(
                 memory = last_pd[j], dt, *kept, heat[j], bend[j]
                 more, heat[j], bend[j] = remembered(speed[j], *memory)
                 cog, last_pd[j] = cog + more, pd
+            pd *= 1.0 - p[j, c.WEAK]
             rub[j] = p[j, c.COULOMB] + rubbing(speed[j], p[j, c.STICTION])
             explicit = at_limit[j] or p[j, c.HOLD] > dt
             loss = share[j] * quick[j] * (lossy if explicit else p[j, c.KD])
-            loss += p[j, c.VISCOUS] + (p[j, c.FALL] if at_limit[j] else 0.0)
+            loss += p[j, c.FALL] if at_limit[j] else 0.0
+            loss = (1.0 - p[j, c.WEAK]) * loss + p[j, c.VISCOUS]
             if p[j, c.TWO_MASSES] > 0.0:
                 gap, slip, r = motor[j] - q[j], speed[j] - v[j], dt / p[j, c.ROTOR]
                 gear[j] = _gear(gap, slip, p[j, c.PLAY], p[j, c.STIFFNESS], p[j, c.TEETH])

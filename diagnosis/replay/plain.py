@@ -254,12 +254,12 @@ def numbers_of(spec: Spec) -> dict[str, JointNumbers]:
     found = {}
     for body, drive in zip(spec.hand.driven, spec.drives, strict=True):
         loop, (low, high), inside = body.joint.loop, body.joint.range_rad, drive.end_stop_rad
-        motor = bool(loop.open and not loop.lead)
+        motor, given = bool(loop.open and not loop.lead), 1.0 - drive.weakness
         found[body.joint.name] = JointNumbers(
-            kp=drive.kp_nm_rad if motor or not loop.open else 0.0,
-            kd=drive.kd_nms_rad,
+            kp=given * drive.kp_nm_rad if motor or not loop.open else 0.0,
+            kd=given * drive.kd_nms_rad,
             open=motor,
-            limit=drive.torque_limit_nm,
+            limit=given * drive.torque_limit_nm,
             armature=drive.rotor_inertia_kgm2,
             damping=drive.viscous_nms_rad,
             frictionloss=drive.coulomb_nm,

@@ -132,6 +132,7 @@ episodes:
         {"body.carried": 0.5},
         {"drive.spring_nm_rad": 20.0, "drive.spring_rest_rad": 0.4},
         {"drive.spring_nm_rad": 20.0, "drive.zero_rad": -0.3},
+        {"drive.weakness": 0.5},
     ],
     ids=" ".join,
 )

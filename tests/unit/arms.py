@@ -54,6 +54,8 @@ class Real:
     """Of the simulator, which the file has as well."""
     integral_hz: float = 0.0
     """Gain of an integral in all drives, over kp [1/s]."""
+    weakness: Mapping[int, float] = field(default_factory=dict)
+    """Share of its torque that a motor lacks."""
     zero_rad: Mapping[int, float] = field(default_factory=dict)
     """By how much more than the angle a joint's drive and its sensor read."""
     still: tuple[int, ...] = ()
@@ -150,10 +152,11 @@ def _received(real: Real, command: np.ndarray, noise: np.random.Generator) -> np
 
 def _simulated(real: Real, command: np.ndarray) -> np.ndarray:
     """Joint angles at the log's samples (T, K), in plain MuJoCo with its own actuators."""
+    given = [1.0 - real.weakness.get(j, 0.0) for j in range(real.joints)]
     drives = "".join(
-        f'<position joint="J{j}" kp="{KP * real.kp.get(j, 1.0)}" kv="{KD}" '
-        f'forcerange="{-real.limit_nm} {real.limit_nm}"/>'
-        for j in range(real.joints)
+        f'<position joint="J{j}" kp="{g * KP * real.kp.get(j, 1.0)}" kv="{g * KD}" '
+        f'forcerange="{-g * real.limit_nm} {g * real.limit_nm}"/>'
+        for j, g in enumerate(given)
     )
     drives, armature = f"<actuator>{drives}</actuator>", real.armature_kgm2 or ARMATURE
     xml = mjcf(real.joints, real.coulomb_nm, drives, real.option, armature, real.stop_rad)

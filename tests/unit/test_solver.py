@@ -134,6 +134,14 @@ def test_numbers_that_are_off_together_hide_no_fault():
     assert "nominal_uncertainty" in limb.sentences[1]
 
 
+@pytest.mark.parametrize("joints", [(1,), (0, 1)])
+def test_a_weak_motor_is_told_from_its_gains(joints):
+    """Name a motor, or all, that gives less than is asked of it: kp and kd are lower alike."""
+    found = diagnose(log_of(Real(joints=2, weakness=dict.fromkeys(joints, 0.4))))
+    assert found.verdict == ("weak-motor",) and found.joints == tuple(f"J{j}" for j in joints)
+    assert found.magnitudes[0].value == pytest.approx(40.0, abs=4.0)
+
+
 def test_a_joints_zero_is_no_load():
     """Name a zero that drive and sensor share, where a load leaves as little."""
     found = diagnose(log_of(Real(joints=2, zero_rad={1: 0.25})))

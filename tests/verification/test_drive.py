@@ -263,6 +263,15 @@ def test_an_end_stop_only_pushes_and_takes_energy(side: float) -> None:
     assert -1.0 <= side * v[0, 0] < -0.5
 
 
+def test_a_weak_motor_gives_a_share_and_reads_the_whole() -> None:
+    """Speed a rotor up by its share of the torque that is asked, which is what is read."""
+    drive = dataclasses.replace(FREE, weakness=0.4)
+    still, weak = np.zeros((1, 1)), bank([drive])
+    weak.step(np.array([[0.1]]), still, still)
+    assert weak.pd_nm[0, 0] == pytest.approx(drive.kp_nm_rad * 0.1)
+    assert weak.motor_rad_s[0, 0] == pytest.approx(0.6 * weak.pd_nm[0, 0] * DT_S / 2e-4)
+
+
 def test_a_spring_pulls_to_where_it_rests() -> None:
     """Hold a joint where kp (target - q) = k (q - rest), by the torque of neither gear nor stop."""
     stiffness, rest, target = 2.0, -0.4, 0.1
