@@ -137,6 +137,14 @@ def joint_ranges(xml: str) -> dict[str, tuple[float, float, bool]]:
     return found
 
 
+def leaders(xml: str, joints: Collection[str]) -> dict[str, str]:
+    """Joints of a text that follow some of `joints` along a line, and whom; raises MjcfError."""
+    model = compiled(xml)
+    led = followers(model, [j for j in range(model.njnt) if model.joint(j).name in joints], ())[0]
+    lines = {j: one.leader for j, one in led.items() if len(one.course) == 2}
+    return {model.joint(j).name: model.joint(leader).name for j, leader in lines.items()}
+
+
 def left_out(xml: str, spans: Mapping[str, tuple[float, float]]) -> tuple[str, ...]:
     """What the MJCF text has and the mechanism lacks, in words; raises MjcfError.
 
@@ -161,7 +169,9 @@ def left_out(xml: str, spans: Mapping[str, tuple[float, float]]) -> tuple[str, .
     said = {
         f"contacts of {touching} geoms: the mechanism moves in free air": touching > 1,
         f"end stops, which the log reaches: {', '.join(stopped)}": bool(stopped),
-        f"joints that the log has not, which are held: {', '.join(resting)}": bool(resting),
+        f"joints of which the log has no commands, which are held: {', '.join(resting)}": bool(
+            resting
+        ),
         "; ".join(odd): bool(odd),
     }
     return tuple(text for text, applies in said.items() if applies)

@@ -4,11 +4,11 @@ The gap before and after is measured in plain MuJoCo with the two files.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 
 from backends.effect import UNITS, Effect, NumberEffect
 from backends.mjcf import robot_file
-from backends.spec import Spec
+from backends.spec import Loop, Spec
 from diagnosis.answer import Diagnosis
 from diagnosis.logs.log import Log
 from diagnosis.motion.columns import COLUMNS, table, with_numbers
@@ -39,6 +39,8 @@ WRITTEN = {
 }
 """Numbers that an MJCF has: their names there, and their units of hinges and slides."""
 HELD = WRITTEN | BESIDE | DRIVES
+IN_FILES = "open", "soft_friction"
+"""Numbers of a loop that a corrected model has."""
 HALF = 0.5
 GRAVITY = "spec.gravity_m_s2"
 
@@ -161,6 +163,7 @@ def take_home(
     named = [one for one in found.magnitudes if one.effect not in held]
     others = [f"{one.effect} of {size(one)}" for one in named]
     others += [limb.law for limb in found.limbs if limb.law]
+    others += _loops(nominal)
     if found.in_mujoco is None or not (changes or found.gravity_m_s2):
         return None
     said = {(one.joint, one.field) for one in changes}
@@ -183,6 +186,17 @@ def take_home(
 def _other_step(gap: PlainGap) -> float | None:
     """The time step that is written; None: that of the file stays."""
     return gap.step_s if gap.step_s < gap.file_step_s else None
+
+
+def _loops(world: Spec) -> list[str]:
+    """What the drives of a world do beside a PD law that neither file has, in words."""
+    driven = [body.joint for body in world.hand.driven]
+    every = [field.name for field in fields(Loop) if field.name not in IN_FILES]
+    return [
+        f"{name} of {', '.join(own)}"
+        for name in every
+        if (own := [joint.name for joint in driven if getattr(joint.loop, name)])
+    ]
 
 
 def _less(found: Diagnosis, gap: PlainGap, beside: Sequence[str]) -> str:

@@ -45,6 +45,7 @@ HEAD = 1000
 LOOKED_AT = 50
 """Lines by which the form of the numbers is known."""
 OTHERS = {
+    b"{": "JSON; save its rows as CSV, a column per joint and signal",
     b"PK\x03\x04": "a spreadsheet or an archive; save the table as CSV",
     b"\x89HDF": "an HDF5 file; save its arrays as CSV or parquet, a column each",
     b"MATLAB": "a MATLAB file; save its arrays as CSV, such as with writetable",
@@ -118,7 +119,8 @@ def _names(path: Path, lines: Sequence[str], first: int, separator: str) -> tupl
         said = next((one for one in every if len(one) == len(names)), None)
         if said is not None:
             return said, first
-    if any(names) and all(VALUE.match(name) for name in names if name):
+    said_names = [name for name in names if name]
+    if 2 * sum(bool(VALUE.match(name)) for name in said_names) > len(said_names) > 0:
         raise LogError(
             f"the first line of {path} holds numbers; write the names of its columns there"
         )

@@ -41,6 +41,9 @@ COUNTED = re.compile(r"(\d+(?:\.\d+)?)/(turn|mm)(?:@(-?\d+(?:\.\d+)?))?")
 """Counts of an encoder, and where its zero is: `4096/turn@2048`, `200/mm`."""
 BEYOND = 1.1
 """A joint's reading may be so many times its range."""
+LOOSE, LEAST_FOLLOWED = 0.03, 20
+"""A follower's reading is off by such a share of its travel, over so many rows, where its coupling
+is not the model's."""
 FAR_BEYOND = 3.0
 """Readings beyond so many times a joint's range are in another unit."""
 ASKED = ("command", "feedforward", "reference")
@@ -114,6 +117,8 @@ def put_together(
     if mechanism is not None:
         source = f"{source} of {mechanism.mjcf}"
         mechanism = mechanism.model_copy(update={"joints": {**mechanism.joints, **drives}})
+    if xml is not None:
+        notes.warnings += loose(xml, clock.frame, [n.partition(".")[2] for n in read])
     log = make_log(LogMeta(schema=1, source=source, mechanism=mechanism), samples, xml)
     warnings = (*notes.warnings, *log.warnings)
     return replace(log, warnings=warnings, said=(*notes.said, *columns))
@@ -157,6 +162,31 @@ def readings(
     if unused := [name for name in unused if name not in known]:
         said.append(f"not used: {', '.join(unused)}")
     return pd.DataFrame(samples), said
+
+
+def loose(xml: str, frame: pd.DataFrame, joints: Sequence[str]) -> list[str]:
+    """Joints that follow one of these by the model, and not by their readings, in words."""
+    from backends.mjcf import leaders
+
+    led, found = leaders(xml, joints), list[str]()
+    places = ("position", "bare")
+    read = {r.joint: r for r in roles(list(frame), [*joints, *led]) if r.kind in places}
+    for name, leader in led.items():
+        if name in read and leader in read:
+            columns = (frame[read[one].column] for one in (leader, name))
+            x, y = (pd.to_numeric(column, errors="coerce").to_numpy(float) for column in columns)
+            known = np.isfinite(x) & np.isfinite(y)
+            if known.sum() < LEAST_FOLLOWED or not np.ptp(x[known]) or not np.ptp(y[known]):
+                continue
+            off = y[known] - np.polyval(np.polyfit(x[known], y[known], 1), x[known])
+            share = float(np.std(off) / np.ptp(y[known]))
+            if share > LOOSE:
+                found.append(
+                    f"{name} follows {leader} in the model, but reads {100 * share:.0f} % of its "
+                    "travel beside any line of it: its coupling is loose or soft, or it is moved "
+                    "otherwise"
+                )
+    return found
 
 
 def _size(

@@ -132,6 +132,11 @@ class Parameter:
         return -self.most if self.kind.either_sign else -self.in_file * self.kind.breaks
 
     @property
+    def is_unsaid(self) -> bool:
+        """Whether it is what all joints have, and no file says: beside other causes it is none."""
+        return self.joint is None and self.kind.unsaid
+
+    @property
     def is_tilt(self) -> bool:
         """Whether it turns gravity for all joints at once."""
         return not issubclass(self.kind, NumberEffect)

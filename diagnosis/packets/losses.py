@@ -145,7 +145,7 @@ def _chance(found: Responses, groups: Array, lost: Array, clear: Array) -> float
     way = np.sign(speed) + 3 * np.sign(np.gradient(speed, axis=0))
     total, freedom = 0.0, 0
     for group, gone, shows in zip(groups, lost.T, clear.T, strict=True):
-        share = gone[shows].mean()
+        share = gone[shows].mean() if shows.any() else 0.0
         spread = share * (1.0 - share)
         if not spread:
             continue

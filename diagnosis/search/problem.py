@@ -116,7 +116,7 @@ def _is_held(number: int, one: Parameter, freed: Sequence[int], shared: Collecti
     A little of what all joints share is no joint's own: no fit tells these apart.
     """
     acts = one.part_of is None or one.part_of in freed
-    own = one.effect not in shared or one.kind.nominal
+    own = one.effect not in shared or (one.kind.nominal and not one.kind.unsaid)
     return one.tolerance > 0.0 and number not in freed and acts and own
 
 

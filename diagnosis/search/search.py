@@ -67,6 +67,8 @@ TIE_SHARE, TIE, TIE_MORE = 0.05, 1.5, 1.0
 times the best's, and this."""
 END = 0.97
 """An effect is as large as is tried from this share of it on."""
+DIVERGED = 1e12
+"""What a motion that diverges leaves, as a number [squared floors]."""
 SCANNED, FINE = 11, 1e-3
 """A kink is sought at so many sizes, then between the neighbours of the best to this share."""
 
@@ -229,12 +231,14 @@ class Search:
     def _polished(self, fits: Sequence[Fit]) -> list[Fit]:
         """Sets by rank; the best are fitted on with the tolerances of all joints.
 
-        And from where these are none, for at their ends they may hold a fit where it is.
+        And from where these are none, for at their ends they may hold a fit where it is. The best
+        of those whose last effect is on a joint, for with what all share all joints' move anyway.
         """
         ranked = self._ranked(fits)
         if len(self.fitter.evidence.joints) == 1:
             return ranked
-        for fit in _near(ranked[:POLISHED]):
+        own = [fit for fit in ranked if self.parameters[fit.freed[-1]].joint is not None]
+        for fit in _near(own[:POLISHED]):
             self._keep(self.fitter.fit(fit.freed, fit.u, slopes=fit.slopes))
             if self.tried[frozenset(fit.freed)].worst > self.ordinary.floors:
                 self._keep(self.fitter.fit(fit.freed, self._rough(fit.freed, fit.u).u))
@@ -418,7 +422,7 @@ class Search:
         """The size with the sign of `first` that leaves least."""
 
         def left(size: float) -> float:
-            return self.fitter.excess_at({**alone, number: float(size)})
+            return min(self.fitter.excess_at({**alone, number: float(size)}), DIVERGED)
 
         sizes = np.sign(first) * np.geomspace(low, high, SCANNED)
         best = int(np.argmin([left(size) for size in sizes]))
@@ -455,7 +459,7 @@ class Search:
 
 
 def _near(ranked: Sequence[Fit]) -> list[Fit]:
-    """Those that leave little more than the first."""
+    """Those that leave little more than the first, of some or none."""
     return [fit for fit in ranked if fit.excess < NEAR * ranked[0].excess + NEAR_MORE]
 
 

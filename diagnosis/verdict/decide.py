@@ -35,12 +35,15 @@ def decide(
 ) -> LimbResult:
     """What is said of a limb; `explained`: the gap that lost packets took part of [floors].
 
-    Likelihood alone names nothing whose size may be none.
+    Likelihood alone names nothing whose size may be none, and no ordinary gap what files do not
+    say.
     """
     nominal, chosen = found.nominal, found.chosen
     causes = tuple(_causes(fitter, found)) if chosen.freed else ()
     likely = found.is_likely and all(one.low * one.high > 0.0 for one in causes)
     closes = bool(chosen.freed) and is_named(chosen, nominal, ordinary)
+    if nominal.worst <= ordinary.floors and _unsaid(fitter, chosen) == chosen.freed:
+        causes = ()
     if causes and (closes or likely):
         kind, tied = curve.NAMED, found.tied
     else:
@@ -57,7 +60,7 @@ def decide(
         gap=nominal.worst / ordinary.floors,
         left=chosen.worst / ordinary.floors,
         ties=len(tied),
-        causes=len(chosen.freed),
+        causes=max(len(chosen.freed) - len(_unsaid(fitter, chosen)), 1),
         lead=shares[0] - shares[1] if len(shares) > 1 else 1.0,
     )
     return LimbResult(
@@ -87,13 +90,20 @@ def _causes(fitter: Fitter, found: Found) -> Iterator[Cause]:
     """The chosen effects; of a family at a joint, the one that takes most by itself."""
     alone = {f.freed: f.excess for f in found.singles}
     parameters, chosen = fitter.parameters, found.chosen
-    for k in (k for k in chosen.freed if not is_term(parameters[k])):
+    own = [k for k in chosen.freed if not is_term(parameters[k])]
+    said = [k for k in own if not parameters[k].is_unsaid]
+    for k in said or own:
         kin = [a for a in chosen.freed if parameters[a].is_kin(parameters[k])]
         if kin and k != min(kin, key=lambda a: alone.get((a,), np.inf)):
             continue
         more = [_cause(fitter, found, chosen, a) for a in kin if a != k]
         shape = tuple(f"{one.effect} of {size(one)}" for one in more)
         yield replace(_cause(fitter, found, chosen, k), shape=shape)
+
+
+def _unsaid(fitter: Fitter, fit: Fit) -> tuple[int, ...]:
+    """What of a set no file says."""
+    return tuple(k for k in fit.freed if fitter.parameters[k].is_unsaid)
 
 
 def _cause(fitter: Fitter, found: Found, fit: Fit, number: int) -> Cause:
@@ -130,7 +140,8 @@ def _away(fitter: Fitter, fit: Fit, number: int, off: float) -> str:
     one, parts = fitter.parameters[number], fitter.parameters
     limb, spots = fitter.evidence.limb, [k for k, p in enumerate(parts) if p.part_of == number]
     if one.joint is None and spots:
-        return _by_joint(fitter, fit, one)
+        sizes = (f"{p.value:.3g} {p.unit} on {p.joint}" for p in _by_joint(fitter, fit, number))
+        return ", ".join(sizes)
     if one.joint is None or not one.kind.spot or one.place == STOP or fit.u[number] < 0.0:
         return ""
     at = limb.nominal[one.joint, [parts[k].place for k in spots]]
@@ -149,13 +160,18 @@ def _away(fitter: Fitter, fit: Fit, number: int, off: float) -> str:
     return f"{1e3 * away_m:.3g} ± {1e3 * sd:.2g} mm from its joint"
 
 
-def _by_joint(fitter: Fitter, fit: Fit, one: Parameter) -> str:
-    """How much of it every joint has, in words."""
-    numbers, found = fitter.numbers(fit.u)[0][:, one.place], list[str]()
-    for j, name in enumerate(fitter.evidence.joints):
-        unit = one.kind.unit_of(numbers[j], fitter.evidence.place(j).slides)
-        found.append(f"{numbers[j] / UNITS[unit][1]:.3g} {unit} on {name}")
-    return ", ".join(found)
+def _by_joint(fitter: Fitter, fit: Fit, number: int) -> Iterator[Nominal]:
+    """How much every joint has of what no file says, as sure as its law is."""
+    one = fitter.parameters[number]
+    sizes = fitter.numbers(fit.u)[0][:, one.place]
+    for part in fitter.parameters:
+        if part.part_of == number and part.joint is not None:
+            size = float(sizes[part.joint])
+            sd = np.hypot(OFF * size, one.kind.tolerance * part.unit)
+            unit = one.kind.unit_of(size, fitter.evidence.place(part.joint).slides)
+            value, sd = size / UNITS[unit][1], float(sd) / UNITS[unit][1]
+            joint = fitter.evidence.joints[part.joint]
+            yield Nominal(effect=one.effect, joint=joint, value=value, sd=sd, unit=unit)
 
 
 def _magnitude(fitter: Fitter, one: Parameter, u: float) -> float:
@@ -180,6 +196,8 @@ def _ranked(fitter: Fitter, found: Found, best: Fit) -> Iterator[Ranked]:
 def _nominal(fitter: Fitter, fit: Fit) -> Iterator[Nominal]:
     """Numbers of the mechanism's file that took part of the gap, beside what causes change."""
     common = {fitter.parameters[k].effect for k in fit.freed if fitter.parameters[k].joint is None}
+    for k in _unsaid(fitter, fit) if len(fit.freed) > 1 else ():
+        yield from _by_joint(fitter, fit, k)
     for k, one in enumerate(fitter.parameters):
         u = fit.u.get(k, 0.0)
         is_own = k in fit.freed or one.part_of is not None or one.effect in common

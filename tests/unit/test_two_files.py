@@ -203,6 +203,46 @@ def test_what_cannot_be_known_is_asked_for(robot, tmp_path, command, position, s
         pair(robot, [tmp_path / "run.csv"], Asked())
 
 
+def test_a_topic_that_ros_echoes_is_read(robot, tmp_path):
+    """Take names from a comment's line, and joints from columns that hold a name each."""
+    frame = table("field.desired.positions#", "field.actual.positions#", "%time")
+    frame["%time"] = (1e9 * (T + 1718.0)).astype(np.int64)
+    for k, name in enumerate(NAMES):
+        frame.insert(1 + k, f"field.joint_names{k}", name)
+    frame.to_csv(tmp_path / "run.csv", index=False)
+    made = pair(robot, [tmp_path / "run.csv"], Asked())
+    assert np.allclose(made.signal("command", 0), COMMAND)
+    assert np.allclose(made.signal("position", 0), POSITION)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ('{"t": 0.0, "q": [1, 2]}\n' * 9, "is JSON; save its rows as CSV"),
+        ("1718,5000,,pan,0.0,0.1,0.2\n" * 9, "the first line of .* holds numbers; write the names"),
+    ],
+)
+def test_a_text_without_columns_is_refused(robot, tmp_path, text, said):
+    """Say what a file is, and what to do."""
+    (tmp_path / "run.csv").write_text(text)
+    with pytest.raises(LogError, match=said):
+        pair(robot, [tmp_path / "run.csv"], Asked())
+
+
+@pytest.mark.parametrize("loose", [0.0, 0.05])
+def test_a_follower_that_does_not_follow_is_said(tmp_path, loose):
+    """Compare the reading of a joint that follows another by the model with that one's."""
+    bound = '<equality><joint joint1="elbow_flex" joint2="shoulder_pan"/></equality></mujoco>'
+    led = ARM[: ARM.rindex("<position")]
+    (tmp_path / "arm.xml").write_text(f"{led}</actuator>{bound}")
+    frame = table("{}_cmd", "{}_pos").drop(columns="elbow_flex_cmd")
+    frame["elbow_flex_pos"] = frame["shoulder_pan_pos"] + loose * np.sign(np.cos(2 * T))
+    frame.to_csv(tmp_path / "run.csv", index=False)
+    made = pair(tmp_path / "arm.xml", [tmp_path / "run.csv"], Asked())
+    said = [one for one in made.warnings if "elbow_flex follows shoulder_pan" in one]
+    assert bool(said) == bool(loose)
+
+
 def test_a_column_that_is_named_counts(robot, tmp_path):
     """Take the columns that the user names, under any name."""
     frame = table("x#", "y#")
