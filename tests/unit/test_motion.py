@@ -23,7 +23,7 @@ from diagnosis.motion.integrate import FROM, THEN, UNTIL
 from diagnosis.motion.limb import Limb
 from diagnosis.motion.recordings import recordings
 from diagnosis.replay.agreement import HORIZON_S, begun
-from diagnosis.replay.dynamics import dynamics
+from diagnosis.replay.dynamics import dynamics, holding
 from diagnosis.replay.nominal import mjcf_world
 from diagnosis.replay.parts import limbs
 
@@ -97,6 +97,28 @@ def test_drives_that_carry_weight_carry_no_payload():
         (m, h), (same_m, same_h) = (_more(limb, effect) for limb in limbs_)
         assert np.abs(h).max() > 0.1
         assert np.allclose(m, same_m, atol=1e-9) and np.allclose(h, same_h, atol=1e-9)
+
+
+@pytest.mark.parametrize("reads", [False, True])
+def test_torques_may_hold_what_drives_carry(reads):
+    """Tell whether a log's torques have it: at rest they are the weight then, and else nothing."""
+    limb = limb_of(log_of(Real(joints=2, carried=1.0)))
+    bearing = limb.spec
+    carrying = [replace(body, carried=1.0) for body in bearing.hand.driven]
+    limb = replace(limb, spec=bearing.with_driven(carrying))
+    shown = replace(limb, reads_carried=reads).simulate(limb.nominal, edges=limb.every_sample)
+    ends = np.cumsum([len(r.time_s) for r in limb.recordings])[:-1]
+    every = []
+    for one, read in zip(limb.recordings, np.split(shown[:, 2], ends), strict=True):
+        measured = one.measured.copy()
+        measured[:, 2] = read
+        every.append(replace(one, measured=measured))
+    found, notes = checked(replace(limb, recordings=tuple(every)))
+    assert found.reads_carried == reads and not notes
+    rests = int(np.flatnonzero(found.time_s[0] < 0.45)[-1])  # before the first step
+    weight = holding(bearing, found.measured[rests : rests + 1, 0])[0]
+    torque = found.simulate(found.nominal)[rests, 2]
+    assert torque == pytest.approx(reads * weight, abs=0.02 * np.abs(weight).max())
 
 
 @pytest.mark.parametrize("joints", [1, 2, 3])
