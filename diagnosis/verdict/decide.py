@@ -42,7 +42,8 @@ def decide(
     causes = tuple(_causes(fitter, found)) if chosen.freed else ()
     likely = found.is_likely and all(one.low * one.high > 0.0 for one in causes)
     closes = bool(chosen.freed) and is_named(chosen, nominal, ordinary)
-    if nominal.worst <= ordinary.floors and _unsaid(fitter, chosen) == chosen.freed:
+    only = all(fitter.parameters[k].is_unsaid for k in chosen.freed)
+    if nominal.worst <= ordinary.floors and only:
         causes = ()
     if causes and (closes or likely):
         kind, tied = curve.NAMED, found.tied
@@ -60,7 +61,7 @@ def decide(
         gap=nominal.worst / ordinary.floors,
         left=chosen.worst / ordinary.floors,
         ties=len(tied),
-        causes=max(len(chosen.freed) - len(_unsaid(fitter, chosen)), 1),
+        causes=len(chosen.freed) - len(_unsaid(fitter, found)),
         lead=shares[0] - shares[1] if len(shares) > 1 else 1.0,
     )
     return LimbResult(
@@ -80,7 +81,7 @@ def decide(
         gap_before=float(np.sqrt(np.mean((fitter.evidence.readings - fitter.shown({})) ** 2))),
         gap_nominal=nominal.gap,
         gaps=dict(zip(fitter.evidence.joints, map(float, np.sqrt(nominal.gap2)), strict=True)),
-        nominal=tuple(_nominal(fitter, best)),
+        nominal=tuple(_nominal(fitter, best, _unsaid(fitter, found) if causes else ())),
         strain=fitter.usual.off(nominal) if fitter.usual else 0.0,
         law=law,
     )
@@ -90,9 +91,8 @@ def _causes(fitter: Fitter, found: Found) -> Iterator[Cause]:
     """The chosen effects; of a family at a joint, the one that takes most by itself."""
     alone = {f.freed: f.excess for f in found.singles}
     parameters, chosen = fitter.parameters, found.chosen
-    own = [k for k in chosen.freed if not is_term(parameters[k])]
-    said = [k for k in own if not parameters[k].is_unsaid]
-    for k in said or own:
+    beside = _unsaid(fitter, found)
+    for k in (k for k in chosen.freed if not is_term(parameters[k]) and k not in beside):
         kin = [a for a in chosen.freed if parameters[a].is_kin(parameters[k])]
         if kin and k != min(kin, key=lambda a: alone.get((a,), np.inf)):
             continue
@@ -101,9 +101,11 @@ def _causes(fitter: Fitter, found: Found) -> Iterator[Cause]:
         yield replace(_cause(fitter, found, chosen, k), shape=shape)
 
 
-def _unsaid(fitter: Fitter, fit: Fit) -> tuple[int, ...]:
-    """What of a set no file says."""
-    return tuple(k for k in fit.freed if fitter.parameters[k].is_unsaid)
+def _unsaid(fitter: Fitter, found: Found) -> list[int]:
+    """What of the chosen set no file says, and leaves more alone than another of the set."""
+    alone, freed = {f.freed: f.excess for f in found.singles}, found.chosen.freed
+    least = min((alone.get((k,), np.inf) for k in freed), default=np.inf)
+    return [k for k in freed if fitter.parameters[k].is_unsaid and alone.get((k,), np.inf) > least]
 
 
 def _cause(fitter: Fitter, found: Found, fit: Fit, number: int) -> Cause:
@@ -193,10 +195,13 @@ def _ranked(fitter: Fitter, found: Found, best: Fit) -> Iterator[Ranked]:
         yield Ranked(causes=causes, share=found.share(fit), left=fit.gap)
 
 
-def _nominal(fitter: Fitter, fit: Fit) -> Iterator[Nominal]:
-    """Numbers of the mechanism's file that took part of the gap, beside what causes change."""
+def _nominal(fitter: Fitter, fit: Fit, unsaid: Sequence[int]) -> Iterator[Nominal]:
+    """Numbers of the mechanism's file that took part of the gap, beside what causes change.
+
+    And `unsaid` ones, which no cause is.
+    """
     common = {fitter.parameters[k].effect for k in fit.freed if fitter.parameters[k].joint is None}
-    for k in _unsaid(fitter, fit) if len(fit.freed) > 1 else ():
+    for k in unsaid:
         yield from _by_joint(fitter, fit, k)
     for k, one in enumerate(fitter.parameters):
         u = fit.u.get(k, 0.0)
