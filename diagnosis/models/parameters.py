@@ -133,7 +133,7 @@ class Parameter:
 
     @property
     def is_unsaid(self) -> bool:
-        """Whether it is what all joints have, and no file says: beside a larger cause it is none."""
+        """Whether no file says it of any joint: beside a larger cause it is none."""
         return self.joint is None and self.kind.unsaid
 
     @property

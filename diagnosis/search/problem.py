@@ -117,7 +117,7 @@ def _is_held(number: int, one: Parameter, freed: Sequence[int], shared: Collecti
     """
     acts = one.part_of is None or one.part_of in freed
     own = one.effect not in shared or (one.kind.nominal and not one.kind.unsaid)
-    return one.tolerance > 0.0 and number not in freed and acts and own
+    return one.tolerance > 0.0 and number not in freed and acts and (own or one.part_of is not None)
 
 
 def lowest(curvature: Array, slope: Array, low: Array, high: Array) -> Array:

@@ -348,7 +348,8 @@ class Search:
             more: Sizes = {**_first(plain, MORE), **self._kin(every, found), **self._of_all(found)}
         else:
             singles = {f.freed[0]: f.u[f.freed[0]] for f in self._ranked(self._sets(1))}
-            more = _first({k: u for k, u in singles.items() if k in asked}, MORE)
+            every = {k: u for k, u in self._of_all(found).items() if self.parameters[k].is_unsaid}
+            more = {**_first({k: u for k, u in singles.items() if k in asked}, MORE), **every}
         return {**found, **{k: u for k, u in more.items() if k not in found}}, slopes
 
     def _of_all(self, found: Sizes) -> Sizes:

@@ -134,6 +134,23 @@ def test_numbers_that_are_off_together_hide_no_fault():
     assert "nominal_uncertainty" in limb.sentences[1]
 
 
+RUBS = {0: 1.0, 1: 1.5, 2: 0.8}
+"""Dry friction of three joints, which their file does not say [Nm]."""
+
+
+@pytest.mark.parametrize("kp", [{}, {1: 0.3}])
+def test_friction_that_no_file_says_is_one_cause(kp):
+    """Find it on all joints with its sizes; beside a larger cause it is a number of the file."""
+    found = diagnose(log_of(Real(joints=3, kp=kp, coulomb_nm=RUBS)))
+    sizes = {joint: row["drive.coulomb_nm"] for joint, row in found.corrected.items()}
+    assert sizes == pytest.approx({f"J{j}": size for j, size in RUBS.items()}, rel=0.25)
+    if not kp:
+        assert found.verdict == ("coulomb-friction",) and len(found.joints) == 3
+        return
+    assert found.verdict == ("kp-scale",) and found.joints == ("J1",)
+    assert {one.joint for one in found.nominal if one.effect == "coulomb-friction"} == {*sizes}
+
+
 @pytest.mark.parametrize("joints", [(1,), (0, 1)])
 def test_a_weak_motor_is_told_from_its_gains(joints):
     """Name a motor, or all, that gives less than is asked of it: kp and kd are lower alike."""
