@@ -64,6 +64,7 @@ class _Spot(NumberEffect):
     """Where on its link an effect acts."""
 
     least = 0.1
+    most = 10.0
     either_sign = True
 
 
@@ -198,6 +199,7 @@ def _spots(one: Parameter, number: int, evidence: Evidence) -> Iterator[Paramete
                 beside=(),
                 tolerance=GUESS if firm else SPOT,
                 least=_Spot.least,
+                most=_Spot.most,
                 nameable=False,
                 part_of=number,
             )
@@ -209,9 +211,8 @@ def _unsaid(own: Sequence[Parameter], number: int, evidence: Evidence) -> Iterat
     if evidence.limb.rigid and not evidence.limb.nominal[:, one.place].any():
         yield replace(one, joint=None, tolerance=0.0, unit=float(np.mean(evidence.torque)))
         for each in own:
-            yield replace(
-                each, kind=_Spot, tolerance=APART, least=_Spot.least, nameable=False, part_of=number
-            )
+            part = replace(each, kind=_Spot, tolerance=APART, nameable=False, part_of=number)
+            yield replace(part, least=_Spot.least, most=_Spot.most)
 
 
 def _as_seen(one: Parameter, limb: Limb, ripple: Array, stops: Sequence[Blocked]) -> Parameter:

@@ -13,7 +13,7 @@ from diagnosis.motion.limb import Limb
 from diagnosis.motion.recordings import recordings
 from diagnosis.replay.nominal import mjcf_world
 from diagnosis.replay.parts import limbs
-from diagnosis.search.fit import Fitter, costs
+from diagnosis.search.fit import Fit, Fitter, costs
 from diagnosis.search.search import Found, Search, ranked
 from diagnosis.search.whole import on_whole
 from diagnosis.verdict.ordinary import ROBOTS
@@ -60,9 +60,10 @@ def test_of_fits_that_leave_the_same_the_likelier_is_kept(fitter):
 
 
 def test_a_set_that_diverges_explains_nothing(fitter):
-    """Rank no effect whose replay diverges, here a load of less than nothing."""
+    """Rank no effect whose replay diverges, such as a load of less than nothing."""
     gain, load = number(fitter, "kp-scale"), number(fitter, "payload")
-    wild = fitter.fit((load,), {load: -2.0})
+    none, apart = np.zeros_like(fitter.evidence.readings), np.array([np.inf])
+    wild = Fit(freed=(load,), u={load: -2.0}, residual=none, gap2=apart)
     search = Search(fitter, ROBOTS, lambda text, done: None)
     right = fitter.fit((gain,), {gain: -0.5})
     search._keep(wild)

@@ -152,7 +152,7 @@ def test_friction_that_no_file_says_is_one_cause(kp):
 
 
 @pytest.mark.parametrize("joints", [(1,), (0, 1)])
-def test_a_weak_motor_is_told_from_its_gains(joints):
+def test_a_weak_motor_is_no_lower_gain(joints):
     """Name a motor, or all, that gives less than is asked of it: kp and kd are lower alike."""
     found = diagnose(log_of(Real(joints=2, weakness=dict.fromkeys(joints, 0.4))))
     assert found.verdict == ("weak-motor",) and found.joints == tuple(f"J{j}" for j in joints)
