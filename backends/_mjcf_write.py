@@ -187,7 +187,8 @@ def _set_zero(
     own, in_file, rest = model.joint(name), _in_file(root, model, name), one.rest + one.zero
     if one.zero:
         joint.set("ref", repr(float(in_file(own.qpos0[0] + one.zero))))
-    if (one.stiffness, rest) != (own.stiffness[0], own.qpos_spring[0]) and one.stiffness:
+    there = one.stiffness or own.stiffness[0]
+    if there and (one.stiffness, rest) != (own.stiffness[0], own.qpos_spring[0]):
         joint.set("stiffness", repr(one.stiffness))
         joint.set("springref", repr(float(in_file(rest))))
 

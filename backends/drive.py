@@ -138,7 +138,8 @@ def motor_tick(target, joint, joint_speed, motor, speed, pd, p, dt, extra=True):
         lost, lead = p[_FALL] * speed, _shrink(lead, p[_DEAD])
         high, low = limit - min(max(lost, 0.0), limit), min(max(-lost, 0.0), limit) - limit
     pd = min(max(kp * lead - kd * speed, low), high)
-    cog -= p[_WEAK] * pd if extra else 0.0
+    if extra:
+        cog -= p[_WEAK] * pd
     friction = coulomb + load * abs(gear) + rub
     speed += dt / inertia * (pd + cog - gear - viscous * speed)
     if extra:

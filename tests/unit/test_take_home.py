@@ -181,6 +181,8 @@ def test_a_torque_is_taken_home(name, real, drives, file, text, tmp_path, capfd)
 def test_a_spring_of_the_file_may_be_gone(tmp_path, capfd):
     """Name a spring that a robot lacks, and take it out of the file."""
     sprung = ARM.replace("<joint ", '<joint stiffness="9" springref="40" ', 1)
+    without = mujoco.MjModel.from_xml_string(written(sprung, {"a": NUMBERS}))
+    assert without.jnt_stiffness[0] == 0.0
     assert diagnosed(tmp_path, ARM, file=sprung) == 0
     found = json.loads(capfd.readouterr().out)
     assert found["verdict"] == ["joint-spring"]
