@@ -17,8 +17,8 @@ class Effect(NumberEffect):
 
     group = "drive"
     dimension, unit = "share", "%"
-    bounds = (-1.0, 0.9)
-    levels, opposite = (0.1, 0.3, 0.6), (-0.1, -0.3, -0.6)
+    bounds = (-0.5, 0.95)
+    levels, opposite = (0.1, 0.3, 0.6), (-0.1, -0.3, -0.5)
     number = "drive.weakness"
     narrow_as = "kp-scale"
     least = 0.1

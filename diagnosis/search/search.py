@@ -434,7 +434,13 @@ class Search:
         return min(float(near.x), float(sizes[best]), key=left)
 
     def _is_tied(self, fit: Fit, best: Fit) -> bool:
-        """Whether a set of the same size is as good as the best one."""
+        """Whether a set of the same size is as good as the best one.
+
+        What all joints may have explains what a joint has of it: that is no other cause.
+        """
+        unsaid = {self.parameters[k].effect for k in fit.freed if self.parameters[k].is_unsaid}
+        if unsaid.intersection(self.parameters[k].effect for k in best.freed):
+            return False
         if self.ordinary.exact and fit.worst <= self.ordinary.floors:
             (least, _), (more, _) = ranked_by_nats(self.fitter.evidence, [fit, best])
             return more - least < TIE_NATS
